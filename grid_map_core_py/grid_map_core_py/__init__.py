@@ -1,19 +1,19 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Multi-layer grid maps in NumPy, without ROS.
 
-- `GridMap`: named float32 layers over a grid that can move with a robot without copying data.
+- `GridMap`: named float32 layers on a grid. The grid can move with a robot without copying data.
   Related classes: `GridGeometry`, `Interpolation`, `BufferRegion`, `SignedDistanceField`.
-- Regions: `circle_cells` and similar functions return the (rows, cols) of the cells in a shape, for
-  indexing a layer. See also `cells_to_mask`, `sliding_windows`, `window_array` and `Polygon`.
-- Conversions: `to_image`, `from_image`, `change_resolution`, `from_points`, `from_mesh`;
-  `color_vector_to_value` and `color_value_to_vector` pack and unpack colors.
+- Regions: `circle_cells` and similar functions return the cells in a shape as (rows, cols), which
+  index a layer. See also `cells_to_mask`, `sliding_windows`, `window_array` and `Polygon`.
+- Conversions: `to_image`, `from_image`, `change_resolution`, `from_points`, `from_mesh`.
+- Packed colors: `color_vector_to_value` and `color_value_to_vector`.
 - Files: `load` and `save` choose the format from the file name.
 - Statistics of finite values: `mean_of_finites` and similar functions.
 - Errors: all derive from `GridMapError`.
 
 The modules `map`, `regions`, `conversions`, `files`, `elevation`, `planning`, `planes`,
 `simulation`, `tiled`, `plugins`, `limits`, `errors` and `testing` contain further names. All names
-are imported lazily.
+are imported on first use.
 """
 
 from typing import TYPE_CHECKING

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Entry point of `python3 -m grid_map_core_py`, which runs the command line `grid-map`."""
+"""Runs the command line `grid-map`, as `python3 -m grid_map_core_py`."""
 
 import signal
 import sys

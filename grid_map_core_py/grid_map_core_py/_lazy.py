@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Lazy imports: a package imports a public name only when the name is first used."""
+"""Imports the public names of a package when they are first used."""
 
 import sys
 from collections.abc import Callable, Iterable, Mapping
@@ -12,10 +12,9 @@ from .errors import hint
 def lazy_names(
     package: str, offered: Mapping[str, str]
 ) -> tuple[list[str], Callable[[str], Any], Callable[[], list[str]]]:
-    """Return `__all__`, `__getattr__` and `__dir__` for a package that imports names on first use.
+    """Return `__all__`, `__getattr__` and `__dir__` of a package with lazy imports.
 
-    `__getattr__` also returns `__version__`; "0+unknown" means that the package is not installed.
-    `offered` contains the public names of each module, separated by spaces.
+    `offered` maps each module to its public names, separated by spaces.
     """
     module_of = {name: module for module, names in offered.items() for name in names.split()}
     modules = [name.removeprefix(".") for name in offered]
@@ -27,7 +26,7 @@ def lazy_names(
             try:
                 return metadata.version(package)
             except metadata.PackageNotFoundError:
-                return "0+unknown"
+                return "0+unknown"  # The package is not installed.
         if name in modules:
             return import_module(f"{package}.{name}")
         if name not in module_of:
@@ -45,6 +44,6 @@ def lazy_names(
 
 
 def public_names(names: Iterable[str]) -> tuple[list[str], Callable[[], list[str]]]:
-    """Return `__all__` and `__dir__` with the public names in `names`, the `dir()` of a package."""
+    """Return `__all__` and `__dir__` of a package, without the private names in `names`."""
     public = [name for name in names if not name.startswith("_")]
     return public, lambda: public

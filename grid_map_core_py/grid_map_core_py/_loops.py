@@ -30,15 +30,14 @@ _known: set[Callable[..., Any]] = set()
 
 @dataclass(eq=False)
 class Loop:
-    """Function of flat arrays and numbers that numba can compile; created with `@loop`.
+    """Function that numba can compile, with flat arrays and numbers as arguments.
 
     Attributes:
-        function: Python function that writes its results to arrays and returns nothing. It may use
-            nonnegative array indices, and call `math`, NumPy and other compilable functions.
+        function: writes results to arrays and returns nothing. Array indices must not be negative.
         takes: argument types: "float32*" for an array, "const float32*" for a read-only array,
             "int64" for a number, and ("float32*", 3) or ("int64", "float32*") for a tuple.
             The first call with other types compiles the loop again.
-        instead: replacements in compiled code for functions that `function` calls.
+        instead: functions that compiled code replaces, and their replacements.
     """
 
     function: Callable[..., None]
@@ -46,11 +45,9 @@ class Loop:
     instead: Mapping[Callable[..., Any], Callable[..., Any]] = field(default_factory=dict)
 
     def compiled(self) -> Compiled | None:
-        """Return the compiled function, which releases the GIL, or None if numba is not installed.
+        """Return the compiled function, or None if numba is missing, disabled or fails.
 
-        The result is also None if NUMBA_DISABLE_JIT is set, or (with a `RuntimeWarning`) if numba
-        fails. If the function is not in numba's cache, its compilation takes a few seconds. Array
-        arguments may have any shape, but must be contiguous.
+        Array arguments must be contiguous. The compiled function releases the GIL.
         """
         with _compiling:
             return self._compiled
@@ -85,7 +82,7 @@ class Loop:
 
 
 def loop(*takes: Type) -> Callable[[Callable[..., None]], Loop]:
-    """Return a decorator that turns a function into a `Loop` with the argument types `takes`."""
+    """Return a decorator that turns a function into a `Loop` with these argument types."""
     return lambda function: Loop(function, takes)
 
 
@@ -98,7 +95,7 @@ def _announce() -> None:
 def _let_call(
     function: Callable[..., Any], instead: Mapping[Callable[..., Any], Callable[..., Any]]
 ) -> None:
-    """Register the functions that `function` calls with numba, so that the calls compile."""
+    """Register the called functions with numba, so that compiled code can call them."""
     from numba.extending import overload
 
     names = inspect.getclosurevars(function)

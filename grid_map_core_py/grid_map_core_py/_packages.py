@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The packages that the suite uses, what each is for, and how to install it."""
+"""Packages that the suite uses, with their purposes and installation commands."""
 
 import os
 import sys
@@ -53,7 +53,7 @@ PACKAGES = {
 
 
 def remedy_for(module: str) -> str:
-    """Return instructions to install the package of a module on this machine."""
+    """Return how to install the package of a module on this machine."""
     top, _, rest = module.partition(".")
     _, apt, pip = PACKAGES.get(module) or PACKAGES.get(top) or Package("")
     if rest in ("msg", "srv", "action"):
@@ -74,7 +74,7 @@ def remedy_for(module: str) -> str:
 
 
 def _is_managed() -> bool:
-    """Return whether the operating system manages this Python, which blocks `pip install`."""
+    """Return whether the operating system blocks `pip install` for this Python."""
     import sysconfig
 
     marker = Path(sysconfig.get_path("stdlib"), "EXTERNALLY-MANAGED")

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Check parameters from YAML and ROS, and cast them to the types that dataclasses declare.
+"""Check parameters from YAML and ROS, and cast them to the types of dataclass fields.
 
-YAML values of a similar type are cast: `1` to a float, `3.0` to an integer, a list to a tuple.
+For example, `1` becomes a float, `3.0` an integer, and a list a tuple.
 """
 
 import functools
@@ -23,13 +23,10 @@ DEEPEST = 50
 
 
 def build(cls: type[T], parameters: Mapping[str, object]) -> T:
-    """Create an instance of the dataclass `cls` with the given field values.
+    """Create an instance of the dataclass `cls` from parameters, or raise `ConfigError`.
 
     Field types may be `bool`, `int`, `float`, `str`, `Literal`, and `tuple[X, ...]`, `list[X]` or
     `X | None` of these types.
-
-    Raises:
-        ConfigError: a parameter is unknown or missing, or has an invalid type or value.
     """
     _check_names(cls, parameters)
     types_of = typing.get_type_hints(cls)
@@ -37,7 +34,6 @@ def build(cls: type[T], parameters: Mapping[str, object]) -> T:
 
 
 def _check_names(cls: type, parameters: Iterable[str]) -> None:
-    """Raise `ConfigError` if a parameter of the dataclass `cls` is unknown or missing."""
     known = {f.name: f for f in fields(cls) if f.init}
     for name in parameters:
         if name not in known:
@@ -50,7 +46,7 @@ def _check_names(cls: type, parameters: Iterable[str]) -> None:
 
 
 def with_checked_names(cls: type[T]) -> type[T]:
-    """Class decorator that adds a check of parameter names to a keyword-only dataclass."""
+    """Class decorator that makes a keyword-only dataclass check its parameter names."""
     create: Any = cls.__init__
 
     @functools.wraps(create)
@@ -63,7 +59,7 @@ def with_checked_names(cls: type[T]) -> type[T]:
 
 
 def descriptions(cls: type) -> dict[str, str]:
-    """Return the descriptions below `Attributes:` in the docstrings of a class and its bases."""
+    """Return the texts under `Attributes:` in the docstrings of a class and its bases."""
     found: dict[str, str] = {}
     for base in reversed(cls.__mro__):
         _, _, rest = inspect.cleandoc(base.__doc__ or "").partition("\nAttributes:\n")
@@ -76,10 +72,7 @@ def descriptions(cls: type) -> dict[str, str]:
 
 
 def node_sections(content: Mapping[str, Any], path: str = "") -> Iterator[tuple[str, Any]]:
-    """Yield the full name and the parameters of each node in a ROS parameter file.
-
-    A full name contains the namespace, as in `/robot/viewer`.
-    """
+    """Yield the full name, such as `/robot/viewer`, and the parameters of each node."""
     for key, value in content.items():
         if key == "ros__parameters" and isinstance(value, Mapping):
             yield path or "/", value
@@ -90,9 +83,7 @@ def node_sections(content: Mapping[str, Any], path: str = "") -> Iterator[tuple[
 def nested(parameters: Mapping[str, object], above: int = 0) -> dict[str, Any]:
     """Convert parameters with dotted names, `a.b: 1`, to nested mappings, `a: {b: 1}`.
 
-    ROS reads an empty mapping `a: {}` as None. If `a.b` is also given, `a` becomes a mapping. Any
-    other value of `a` is then an error. There may be at most `DEEPEST` levels, including the
-    `above` levels that enclose `parameters`.
+    There may be at most `DEEPEST` levels, including `above` enclosing levels.
     """
     result: dict[str, Any] = {}
     expected = "no value, as there are parameters below it"
@@ -110,15 +101,13 @@ def nested(parameters: Mapping[str, object], above: int = 0) -> dict[str, Any]:
         elif not isinstance(place.get(last), dict):
             place[last] = value
         else:
+            # ROS reads an empty mapping `a: {}` as None.
             check(value is None, name, expected, value)
     return result
 
 
 def cast(name: str, value: object, kind: Any) -> Any:
-    """Cast the value of a parameter to a type that `build` supports, or raise `ConfigError`.
-
-    For a tuple or list type, None becomes empty, because ROS reads an empty list as None.
-    """
+    """Cast a parameter value to a type supported by `build`, or raise `ConfigError`."""
     result = _try_cast(value, kind)
     if result is MISSING:
         # ROS reads y, n, yes, no, on and off as booleans.
@@ -129,7 +118,6 @@ def cast(name: str, value: object, kind: Any) -> Any:
 
 
 def mismatch(name: str, expected: str, value: object) -> ConfigError:
-    """Return a `ConfigError` with the expected and the actual value of a parameter."""
     found = "nothing" if value is None else f"{short(value)} ({type(value).__name__})"
     return ConfigError(f"parameter {name!r}: expected {expected}, got {found}")
 
@@ -141,7 +129,7 @@ def check(condition: bool, name: str, expected: str, value: object) -> None:
 
 
 def _try_cast(value: object, kind: Any) -> object:
-    """Return `value` cast to the type `kind`, or MISSING if the cast is impossible."""
+    """Return the cast value, or MISSING if it does not fit the type."""
     origin = get_origin(kind)
     if origin is Literal:
         return value if value in get_args(kind) else MISSING
@@ -149,7 +137,7 @@ def _try_cast(value: object, kind: Any) -> object:
         casts = (_try_cast(value, option) for option in get_args(kind))
         return next((cast for cast in casts if cast is not MISSING), MISSING)
     if origin in (tuple, list):
-        if value is None:
+        if value is None:  # ROS reads an empty list as None.
             return origin()
         if not isinstance(value, list | tuple):
             return MISSING

@@ -17,7 +17,7 @@ notes: set[str] = set()
 
 @contextmanager
 def unfinished(path: Path) -> Iterator[Path]:
-    """Remove the file, link or folder `path` when the context exits, unless it was renamed."""
+    """Remove the file or folder on exit, unless it was renamed."""
     _paths.add(path)
     try:
         yield path
@@ -28,10 +28,8 @@ def unfinished(path: Path) -> Iterator[Path]:
 
 @contextmanager
 def scratch_folder() -> Iterator[Path]:
-    """Yield a temporary folder that is removed on exit.
-
-    Before it is created, temporary folders left by killed processes are removed.
-    """
+    """Yield a temporary folder that is removed on exit."""
+    # Remove the folders of killed processes.
     for left in Path(tempfile.gettempdir()).glob("grid-map-scratch-????????"):
         with suppress(OSError), _locked(left):
             remove(left)
@@ -43,7 +41,7 @@ def scratch_folder() -> Iterator[Path]:
 
 @contextmanager
 def _locked(folder: Path) -> Iterator[None]:
-    """Lock a folder until the context exits; `OSError` if it is locked or cannot be opened."""
+    """Lock a folder, or raise `OSError` if another process has locked it."""
     number = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
     try:
         fcntl.flock(number, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -66,6 +64,5 @@ def remove(path: Path) -> None:
 
 
 def remove_all() -> None:
-    """Remove all unfinished files and folders; called before the process ends."""
     for path in [*_paths]:
         remove(path)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Array types, and checked conversion of arguments to arrays, numbers and layer names."""
+"""Array types, and functions that validate and convert arguments."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ def as_pair(values: ArrayLike, name: str) -> Pair:
 
 
 def as_crs(crs: Any) -> str:
-    """Convert a reference system (text, EPSG number, object with `to_wkt`, or None) to a string."""
+    """Convert a coordinate reference system to text, such as WKT or an EPSG code."""
     if isinstance(crs, int | np.integer):
         return f"EPSG:{crs}"
     text = crs.to_wkt() if hasattr(crs, "to_wkt") else crs or ""
@@ -75,7 +75,7 @@ def as_crs(crs: Any) -> str:
 
 
 def as_point(values: ArrayLike, name: str) -> Pair:
-    """Return a position (2,) as two floats, which may be NaN or infinite."""
+    """Return one position x, y; NaN and infinities are allowed."""
     pair = plain_pair(values)
     if pair is None:
         point = as_positions(values, name)
@@ -86,7 +86,7 @@ def as_point(values: ArrayLike, name: str) -> Pair:
 
 
 def plain_pair(values: Any) -> Pair | None:
-    """Return a tuple, list or array of two numbers as two floats; None for other values."""
+    """Return two numbers as floats, or None if `values` needs a slower conversion."""
     kind = type(values)
     if kind is np.ndarray:
         if values.shape != (2,) or values.dtype.kind not in "fiu":
@@ -121,7 +121,7 @@ def as_finite(
     least: float = -math.inf,
     above: float = -math.inf,
 ) -> float:
-    """Return a number as a float, after a check that it is finite, >= `least` and > `above`."""
+    """Return a finite number that is >= `least` and > `above`, or raise `GeometryError`."""
     number = as_number(value, name)
     if not (math.isfinite(number) and number >= least and number > above):
         limit = f" >= {least:g}" if math.isfinite(least) else ""
@@ -130,7 +130,7 @@ def as_finite(
 
 
 def as_numbers(values: ArrayLike, name: str) -> NDArray[Any]:
-    """Return `values` as an array of real numbers of any dtype; masked values become NaN."""
+    """Return an array of real numbers of any type; masked values become NaN."""
     if type(values) is np.ndarray and values.dtype.kind in "biuf":
         return values
     try:
@@ -154,13 +154,13 @@ def as_array(values: ArrayLike, dtype: type[np.generic], name: str) -> NDArray[A
 
 
 def as_floats(values: ArrayLike, name: str) -> NDArray[Any]:
-    """Return numbers as a float32 array if they are float32, else as a float64 array."""
+    """Return a float32 array if `values` is float32, else a float64 array."""
     numbers = as_numbers(values, name)
     return numbers if numbers.dtype == np.float32 else numbers.astype(np.float64, copy=False)
 
 
 def as_points(points: ArrayLike, name: str = "points") -> NDArray[Any]:
-    """Return points as a float array (N, C) with C >= 3 columns; masked values become NaN."""
+    """Return points (N, 3) or wider as floats; masked values become NaN."""
     values = as_floats(points, name)
     if values.ndim != 2 or values.shape[1] < 3:
         raise GeometryError(f"{name}: expected x, y, z of shape (N, 3), got {values.shape}")
@@ -170,7 +170,7 @@ def as_points(points: ArrayLike, name: str = "points") -> NDArray[Any]:
 
 
 def as_rigid(transform: ArrayLike) -> Positions:
-    """Return a transform as a (4, 4) float64 matrix, after a check that it is rigid."""
+    """Return a rigid transform as a (4, 4) matrix, or raise `GeometryError`."""
     matrix: Positions = as_array(transform, np.float64, "transform")
     if matrix.shape != (4, 4) or not np.isfinite(matrix).all():
         text = f"transform: expected (4, 4) finite numbers, got {short(transform)}"
@@ -190,7 +190,6 @@ def as_rigid(transform: ArrayLike) -> Positions:
 
 
 def as_size(values: ArrayLike, name: str) -> Size:
-    """Return `values` as a pair of Python integers."""
     size = plain_cell(values)
     if size is None:
         array = _as_integers(values, name)
@@ -201,7 +200,7 @@ def as_size(values: ArrayLike, name: str) -> Size:
 
 
 def plain_cell(values: Any) -> Size | None:
-    """Return a tuple, list or array of two integers as two `int`; None for other values."""
+    """Return two integers as `int`, or None if `values` needs a slower conversion."""
     kind = type(values)
     if kind is np.ndarray:
         if values.shape != (2,) or values.dtype.kind != "i":
@@ -220,7 +219,7 @@ def plain_cell(values: Any) -> Size | None:
 
 
 def as_cells(values: ArrayLike, name: str = "index") -> Cells:
-    """Return cells, given as (rows, cols), (row, col) or an (N, 2) array, as int64 (rows, cols)."""
+    """Return int64 (rows, cols) of one cell or several; `values` may be an (N, 2) array."""
     if isinstance(values, tuple):
         numbers = [_as_integers(value, name) for value in values]
         if len(numbers) != 2 or numbers[0].shape != numbers[1].shape:
@@ -238,7 +237,7 @@ def as_cells(values: ArrayLike, name: str = "index") -> Cells:
 
 
 def as_layer(value: ArrayLike, size: Size, name: str) -> Layer:
-    """Copy a scalar or an array (rows, cols) to a new layer; warn on overflow or lost digits."""
+    """Return a new layer filled with a scalar or with an array (rows, cols)."""
     data = as_numbers(value, f"layer {name!r}")
     if data.ndim and data.shape != size:
         hint = ""
@@ -268,7 +267,7 @@ def as_layer(value: ArrayLike, size: Size, name: str) -> Layer:
 
 
 def is_name(text: object) -> bool:
-    """Return whether `text` is a non-empty string without control characters or surrogates."""
+    """Return whether `text` can name a layer: not empty, and without control characters."""
     if not isinstance(text, str) or not text:
         return False
     return text.isprintable() or not _CONTROL.search(text)
@@ -283,7 +282,7 @@ def as_names(names: str | Iterable[str]) -> tuple[str, ...]:
 
 
 def select_layers(available: Iterable[str], layers: str | Iterable[str] | None) -> tuple[str, ...]:
-    """Return the names in `layers` without duplicates; None selects all available layers."""
+    """Return layer names without duplicates; None selects all available layers."""
     if layers is None:
         return tuple(available)
     names = as_names(layers)
@@ -295,7 +294,7 @@ def select_layers(available: Iterable[str], layers: str | Iterable[str] | None) 
 
 
 def as_text(values: ArrayLike) -> str:
-    """Format two numbers as a tuple with at most 12 significant digits each, for messages."""
+    """Format two numbers with at most 12 significant digits each, for messages."""
     return str(tuple(float(f"{value:.12g}") for value in np.asarray(values, dtype=np.float64)))
 
 

@@ -13,10 +13,9 @@ LARGEST_BLOCK = 2**25
 def keep_memory() -> None:
     """Make glibc keep up to 1 GB of freed memory, to speed up large messages and tiles.
 
-    By default, glibc returns each freed block above 32 MB to the system. The kernel then clears the
-    pages of the next block, which takes longer than copying a message. The subscriptions of this
-    suite call this function for large messages. A node that only publishes large messages must call
-    this function itself.
+    By default, glibc returns each freed block above 32 MB to the system. The kernel must then clear
+    the memory of the next block, which takes longer than copying a message. Subscriptions of this
+    suite call this function for large messages. Call it in nodes that only publish large messages.
     """
     with suppress(AttributeError):  # Other C libraries have no `mallopt`.
         mallopt = ctypes.CDLL(None).mallopt

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Array computations in pieces, so that temporary arrays fit into the CPU cache."""
+"""Computes arrays piece by piece, so that temporary arrays fit into the CPU cache."""
 
 from collections.abc import Callable, Iterator
 from typing import Any
@@ -17,10 +17,7 @@ CHUNK = 2**13  # number of points in a chunk
 def elementwise(
     function: Callable[..., npt.NDArray[Any]], dtype: npt.DTypeLike, *arrays: npt.NDArray[Any]
 ) -> npt.NDArray[Any]:
-    """Return `function(*arrays)` computed piece by piece, with pieces of shape (n,).
-
-    The arrays are broadcast together. The result has their memory order.
-    """
+    """Compute `function(*arrays)` in pieces of shape (n,); the arrays are broadcast together."""
     iterator = np.nditer(
         (*arrays, None),
         flags=("external_loop", "buffered", "zerosize_ok"),
@@ -37,25 +34,22 @@ def elementwise(
 
 
 def piece_of(count: int) -> int:
-    """Return the number of elements per piece for an array with `count` elements.
-
-    Small arrays get smaller pieces, which limits the size of temporary arrays.
-    """
+    """Return the number of elements per piece of an array with `count` elements."""
     return max(_SMALL_PIECE, min(PIECE, count // 16))
 
 
 def slices(count: int, step: int) -> Iterator[slice]:
-    """Yield slices of `step` items that cover `count` items; the last slice may be shorter."""
+    """Yield slices of `step` items; the last slice may be shorter."""
     step = max(1, step)
     for first in range(0, count, step):
         yield slice(first, min(first + step, count))
 
 
 def expanded(counts: Integers, limit: int) -> Iterator[tuple[Integers, Integers]]:
-    """Yield the members of all groups, group by group, in chunks of at most `limit` members.
+    """Yield the members of groups in chunks of at most `limit` members.
 
-    `counts` (G,) is the number of members of each group. A chunk consists of the group (n,) of each
-    member, and the index (n,) of the member within its group.
+    `counts` (G,) contains the group sizes. A chunk consists of the group (n,) of each member, and
+    its index (n,) within the group.
     """
     ends = np.cumsum(counts)
     total = int(ends[-1]) if len(ends) else 0

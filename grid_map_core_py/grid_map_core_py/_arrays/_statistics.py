@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Statistics of the finite values of an array; NaN and infinities are skipped.
+"""Statistics of the finite values of an array of any shape and real type.
 
-If there are no finite values, `number_of_finites` is 0 and all other statistics are NaN. Arrays may
-have any shape and any real type. Sums are accumulated in double precision.
+NaN and infinite values are ignored. Without finite values, `number_of_finites` returns 0, and all
+other functions return NaN. Sums are computed in double precision.
 
 Example:
     >>> mean_of_finites(np.array([[1.0, np.nan], [np.inf, 3.0]]))

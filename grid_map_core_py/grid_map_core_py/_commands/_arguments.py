@@ -13,7 +13,7 @@ _FORMAT = "name of the format, if the name of the file does not tell it"
 def add_source(parser: argparse.ArgumentParser, which: str = "the last one") -> None:
     """Add the arguments for the source file and the options for reading.
 
-    `which` is the help text for the maps of a bag that are read without `--index`.
+    `which` describes the map of a bag that is read without `--index`, for the help text.
     """
     parser.add_argument("source", help="file or folder of any format, or - for .npz from a pipe")
     group = parser.add_argument_group("reading")
@@ -59,7 +59,6 @@ def add_layers(parser: argparse.ArgumentParser, text: str) -> None:
 
 
 def add_destination(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments for the destination file and the options for writing."""
     parser.add_argument(
         "destination",
         help="name without ending (a bag), .npz, .tif, .zarr, .png, .rrd (Rerun), .yaml (nav2's "
@@ -90,7 +89,6 @@ def add_json(parser: argparse.ArgumentParser, text: str = "print JSON") -> None:
 
 
 def completed(action: argparse.Action, completer: Callable[..., list[str]]) -> None:
-    """Set the argcomplete completer of an argument."""
     action.completer = completer  # type: ignore[attr-defined]
 
 
@@ -107,7 +105,7 @@ def complete_topics(parsed_args: argparse.Namespace, **_: Any) -> list[str]:
 
 
 def _topics(parsed_args: argparse.Namespace) -> list[dict[str, Any]]:
-    """Describe each map topic of a bag, or the single map of a file in another format."""
+    """Return the map topics of a bag, or the single map of another file."""
     with suppress(Exception):
         from ._maps import describe
 

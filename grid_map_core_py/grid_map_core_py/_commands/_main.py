@@ -50,7 +50,7 @@ Handler: TypeAlias = Callable[[int, FrameType | None], Any] | signal.Handlers
 
 
 class Parser(argparse.ArgumentParser):
-    """Argument parser with one-line errors that accepts negative numbers such as -1e-3."""
+    """Argument parser with one-line error messages, which accepts values such as -1e-3."""
 
     def __init__(self, **options: Any) -> None:
         # An abbreviated option that is unique today may become ambiguous when an option is added.
@@ -63,15 +63,11 @@ class Parser(argparse.ArgumentParser):
             raise argparse.ArgumentError(action, f"invalid choice: {value!r}; known: {known}")
 
     def error(self, message: str) -> NoReturn:
-        """Print the error and end the process with exit code 2."""
         self.exit(2, f"{PROGRAM}: error: {shown(message)} (see '{self.prog} --help')\n")
 
 
 def make_parser(words: Sequence[str]) -> Parser:
-    """Create the parser for the command line `words`.
-
-    Only the module of the command in `words` is imported, to save time.
-    """
+    """Create the parser; only the command in `words` is imported, to save time."""
     parser = Parser(
         prog=PROGRAM, description="Look at grid maps in files, convert, filter and draw them."
     )
@@ -97,7 +93,7 @@ def make_parser(words: Sequence[str]) -> Parser:
 
 
 def _commands() -> dict[str, EntryPoint]:
-    """Return the commands of all packages by name; built-in commands take precedence."""
+    """Return all commands by name; built-in commands override those of other packages."""
     known = {name: EntryPoint(name, f"{__package__}.{name}", GROUP) for name in BUILT_IN}
     for entry in sorted(entry_points(group=GROUP), key=lambda entry: entry.name):
         known.setdefault(entry.name, entry)
@@ -105,7 +101,7 @@ def _commands() -> dict[str, EntryPoint]:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run a command line and return its exit code, unless a signal ends the process."""
+    """Run a command line and return its exit code."""
     before = on_end(_end)
     logging.basicConfig(format=f"{PROGRAM}: %(message)s")
     try:
@@ -125,7 +121,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _end(number: int, _frame: FrameType | None) -> None:
-    """Signal handler that removes temporary files and ends the process without an exception."""
+    """Signal handler: remove temporary files, then end the process with the same signal."""
     remove_all()
     for note in notes:
         # The signal may have interrupted `print`, which is not reentrant.
@@ -170,7 +166,7 @@ def _run(arguments: Sequence[str]) -> int:
 
 
 def _text_of(error: Exception) -> str:
-    """Return the message for an error that the user can fix; raise any other error again."""
+    """Return the message of an expected error; raise other errors again."""
     if "AMENT_PREFIX_PATH" in str(error):
         return f"{error}. Source ROS 2, then the workspace"
     if isinstance(error, OSError):
@@ -188,19 +184,18 @@ def _failed(text: str) -> int:
 
 
 def on_end(handler: Handler) -> dict[signal.Signals, Any]:
-    """Set the handler of SIGINT, SIGTERM and SIGHUP, and return the previous handlers.
+    """Set a handler for SIGINT, SIGTERM and SIGHUP, and return the previous handlers.
 
-    If SIGHUP is ignored, as under `nohup`, it stays ignored. The handler must not acquire locks,
-    for example with `threading.Event`, because the interrupted thread may hold them.
+    The handler must not acquire locks, because the interrupted thread may hold them.
     """
     numbers = [signal.SIGINT, signal.SIGTERM]
-    if signal.getsignal(signal.SIGHUP) != signal.SIG_IGN:
+    if signal.getsignal(signal.SIGHUP) != signal.SIG_IGN:  # `nohup` ignores SIGHUP.
         numbers.append(signal.SIGHUP)
     return {number: signal.signal(number, handler) for number in numbers}
 
 
 def die_with_parent(number: signal.Signals = signal.SIGKILL) -> Callable[[], None]:
-    """Return a `preexec_fn` that makes Linux signal a child when its parent thread ends."""
+    """Return a `preexec_fn` for Linux that signals a child process when its parent ends."""
     set_parent_death_signal = 1
     # libc is loaded before the fork, because the child should do little before it calls `exec`.
     parent, control = os.getpid(), ctypes.CDLL(None).prctl

@@ -43,11 +43,9 @@ _FLAGS = {"kind": "--as", "reduction": "--reduce"}
 def _choose(
     options: argparse.Namespace, of_source: Iterable[str] | None = None
 ) -> "tuple[Format, dict[str, Any]]":
-    """Return the format of the source or of the destination, and the options given for it.
+    """Return the format and the given options of the source, or of the destination.
 
-    If `of_source` is None, the source is handled. Otherwise, the destination is handled, and
-    `of_source` names the options that the source uses; these are accepted even if the destination
-    format does not have them.
+    If `of_source` is given, the destination is handled. The options in `of_source` are accepted.
     """
     from ..files._formats import find_format, formats, options_of
 
@@ -90,7 +88,7 @@ def source_format(options: argparse.Namespace) -> str:
 
 
 def read_map(options: argparse.Namespace, layers: Iterable[str] | None = None) -> "GridMap":
-    """Read the map that the `add_source` arguments select; `layers=None` reads all layers."""
+    """Read the map that the arguments of `add_source` select; `layers=None` reads all layers."""
     found, given = _choose(options)
     with _source(options.source) as path:
         return found.load(path, layers=layers, **given)  # type: ignore[misc]
@@ -120,10 +118,9 @@ def describe(options: argparse.Namespace) -> dict[str, Any]:
 def open_records(
     options: argparse.Namespace, destination: "Destination", layers: Iterable[str] | None = None
 ) -> "Iterator[Sequence[MapRecord]]":
-    """Yield the sequence of map records to copy from the source to the destination.
+    """Yield the map records to copy: one map, or all maps of a bag.
 
-    It contains all maps of a bag if the destination can store several maps and `--index` is not
-    given; otherwise, it contains one map.
+    All maps are copied if the destination can store several maps and `--index` is not given.
     """
     if _choose(options)[0].open_maps is None:
         grid_map = read_map(options, layers)
@@ -161,7 +158,7 @@ def open_recording(options: argparse.Namespace) -> "Iterator[Sequence[MapRecord]
 
 @contextmanager
 def _source(path: str) -> Iterator[Path | str]:
-    """Yield the path or address of the source; standard input is copied to a temporary file."""
+    """Yield the source path or URL; standard input is first copied to a file."""
     if path != STANDARD:
         yield path if "://" in path else Path(path)
         return
@@ -180,8 +177,7 @@ def _source(path: str) -> Iterator[Path | str]:
 class Destination:
     """Destination of maps, selected by the `add_destination` arguments.
 
-    `usual_topic` is the default topic of the maps in a bag. None means the source topic if the
-    source is a bag too, else `/grid_map`.
+    `usual_topic` is the default topic in a bag. None means the topic of the source, or `/grid_map`.
     """
 
     def __init__(self, options: argparse.Namespace, usual_topic: str | None = None) -> None:
@@ -202,7 +198,7 @@ class Destination:
         return self.format.save_maps is not None
 
     def takes_all(self, options: argparse.Namespace) -> bool:
-        """Return whether a whole bag is selected and the format can copy whole bags."""
+        """Return whether to copy all messages of a bag, not only its maps."""
         is_whole = (options.topic, options.index, options.layers) == (None, None, None)
         return self.format.save_all is not None and self._holds_many and is_whole
 
@@ -234,13 +230,12 @@ class Destination:
         return count
 
     def tell(self, count: int) -> None:
-        """Print the number `count` of written maps, unless they went to standard output."""
         if self.path != STANDARD:
             message(f"{count} {'map' if count == 1 else 'maps'} in {self.path}")
 
 
 def check_free(path: str, *, force: bool) -> None:
-    """Raise `CommandError` if `path` exists, unless `force` is set and it is a file or folder."""
+    """Raise `CommandError` if `path` exists and must not be replaced."""
     if path == STANDARD or not os.path.lexists(path):
         return
     file = Path(path)

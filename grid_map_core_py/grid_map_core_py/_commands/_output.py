@@ -33,7 +33,7 @@ def print_json(value: object) -> None:
 
 
 def table(rows: Sequence[Sequence[str]], numbers: Sequence[int] = ()) -> str:
-    """Format rows as a table; right-align the columns whose indices are in `numbers`."""
+    """Format rows as a table with the columns `numbers` right-aligned."""
     columns = [
         [f"{cell:{'>' if number in numbers else '<'}{max(map(len, column))}}" for cell in column]
         for number, column in enumerate(zip(*rows, strict=True))
@@ -46,7 +46,7 @@ def print_table(rows: Sequence[Sequence[str]], numbers: Sequence[int] = ()) -> N
 
 
 def shown(text: str) -> str:
-    """Escape the control characters in a text and shorten it to at most 500 characters."""
+    """Escape control characters, and shorten the text to 500 characters."""
     return cut("".join(one if one.isprintable() else repr(one)[1:-1] for one in cut(text)))
 
 
@@ -55,7 +55,7 @@ def number(value: float) -> str:
 
 
 def coordinate(value: float) -> str:
-    """Format a coordinate [m] with 12 significant digits, enough for millimeters in UTM."""
+    """Format a coordinate [m] with 12 digits, enough for millimeters in UTM."""
     return f"{value:.12g}"
 
 
@@ -71,15 +71,11 @@ def byte_count(size: int) -> str:
 class ProgressBar:
     """Shows progress: `[#####.....] 12/24 maps, 3.1 maps/s, 0:04 left`.
 
-    Leaving the context ends the line. If standard error is not a terminal, only the last state is
-    written. With `cells`, the rate counts only units that finish after the first call.
-
     Args:
-        quiet: whether to hide the progress; ignored with `as_json`.
+        quiet: hide the progress; ignored with `as_json`.
         unit: plural name of the counted items.
-        cells: number of cells per unit, to show the rate in cells per second; 0 means units per
-            second.
-        as_json: whether to print a JSON line to standard output every second and at the end.
+        cells: number of cells per item, to show cells per second; 0 shows items per second.
+        as_json: print JSON lines to standard output instead.
     """
 
     def __init__(
@@ -89,7 +85,7 @@ class ProgressBar:
         self._quiet = quiet and not as_json
         self._unit, self._cells, self._as_json = unit, cells, as_json
         self._begin = time.monotonic()
-        self._before = None if cells else 0
+        self._before = None if cells else 0  # None: the first call starts the measurement.
         self._shown_at = -math.inf
         self._done = 0
         self._total: int | None = None
@@ -102,7 +98,7 @@ class ProgressBar:
             self._show(end="\n")
 
     def __call__(self, done: int, total: int | None = None) -> None:
-        """Show that `done` of `total` units are finished; `total` is None if unknown."""
+        """Update the number of finished items; `total` is None if unknown."""
         self._done, self._total = done, total
         now = time.monotonic()
         if self._before is None:

@@ -32,7 +32,6 @@ _PATIENCE = 30  # maximum time to wait for a cluster [s]
 
 
 def add_tiles(parser: argparse.ArgumentParser) -> None:
-    """Add the options for tiled conversion between Zarr and GeoTIFF."""
     group = parser.add_argument_group("maps of any size, from .zarr or .tif to .zarr or .tif")
     where = group.add_mutually_exclusive_group()
     about = "start this number of processes (threads of this process)"
@@ -56,7 +55,6 @@ def _count(text: str) -> int:
 
 
 def add_rectangle(parser: argparse.ArgumentParser, *, required: bool = False) -> None:
-    """Add the options that select a rectangle of a map of any size."""
     group = parser.add_argument_group("rectangle")
     about = "its center [m] in the frame of the map"
     group.add_argument("--position", type=float, nargs=2, metavar=("X", "Y"), help=about)
@@ -70,10 +68,6 @@ def add_rectangle(parser: argparse.ArgumentParser, *, required: bool = False) ->
 
 
 def read_rectangle(options: argparse.Namespace, layers: Iterable[str] | None = None) -> "GridMap":
-    """Read the rectangle that the `add_rectangle` arguments select.
-
-    From a Zarr store or GeoTIFF file, only chunks that overlap the rectangle are read.
-    """
     given = [name for name in _RECTANGLE if getattr(options, name) is not None]
     if given not in (["position", "length"], ["lat", "lon", "length"]):
         found = " and ".join(f"--{name}" for name in given)
@@ -103,11 +97,10 @@ def has_rectangle(options: argparse.Namespace) -> bool:
 def tiled_source(
     options: argparse.Namespace, destination: Destination | None = None, *, also_small: bool = False
 ) -> "TiledMap | None":
-    """Return the source as a `TiledMap` if it should be read tile by tile, else None.
+    """Return the source as a `TiledMap`, or None if it should be read as a whole.
 
-    Source and destination must be Zarr stores or GeoTIFF files. Without a destination, or from
-    GeoTIFF to GeoTIFF, a map of at most `max_cells` cells is read as a whole, unless `also_small`
-    or an option in `_OPTIONS` is set.
+    A map of at most `max_cells` cells is tiled only in conversions from or to Zarr, with
+    `also_small`, or with an option in `_OPTIONS`.
     """
     source = source_format(options)
     target = None if destination is None else destination.format.name
@@ -137,10 +130,9 @@ def write_tiles(
     threads: int | None = None,
     **progress: Any,
 ) -> None:
-    """Compute a map tile by tile, write it to a Zarr store or GeoTIFF file, and print the path.
+    """Compute a map tile by tile, and write it to a Zarr store or GeoTIFF file.
 
-    `threads` is None for one thread per processor. It is ignored if `options` select worker
-    processes or a cluster. `progress` contains arguments of `ProgressBar`.
+    `threads=None` uses one thread per processor. `progress` contains arguments of `ProgressBar`.
     """
     if options.memory and not options.workers:
         raise UsageError("--memory goes with --workers")
@@ -160,7 +152,7 @@ def write_tiles(
 
 @contextmanager
 def _scheduler(options: argparse.Namespace, threads: int | None) -> Iterator[None]:
-    """Make Dask use the threads, processes or cluster in `options` inside the context."""
+    """Make Dask use the threads, processes or cluster that `options` select."""
     if options.scheduler is None and options.workers is None:
         config = required("dask", f"{options.source}: tiles").config
         with config.set({} if threads is None else {"num_workers": max(1, threads)}):

@@ -85,12 +85,10 @@ def run(options: argparse.Namespace) -> int:
 
 
 def examined(modules: list[str]) -> dict[str, tuple[str, str]]:
-    """Return the status ("ok", "missing" or "broken") of each module, and its version or error.
-
-    A separate process imports the modules, because a broken module may end Python.
-    """
+    """Return the status ("ok", "missing" or "broken") and the version or error of each module."""
     found: dict[str, tuple[str, str]] = {}
     while rest := modules[len(found) :]:
+        # A separate process imports the modules, because a broken module may end Python.
         command = [sys.executable, "-c", _PROBE, *rest]
         done = subprocess.run(command, capture_output=True, text=True, check=False)
         answers = [json.loads(line) for line in done.stdout.splitlines()]

@@ -68,7 +68,6 @@ def _print_cloud(facts: dict[str, Any]) -> None:
 
 
 def _span(topics: list[dict[str, Any]]) -> str:
-    """Format the duration and start time of the recorded messages."""
     first = min((one["first"] for one in topics if one["first"] is not None), default=None)
     last = max((one["last"] for one in topics if one["last"] is not None), default=None)
     if first is None or last is None:
@@ -115,7 +114,7 @@ def _seconds(nanoseconds: int | None) -> str:
 
 
 def _date(nanoseconds: int) -> str:
-    """Format a system time [ns] as a date, or as "" if it is not between 2001 and 2106."""
+    """Format a time [ns] as a date, or return "" outside the years 2001 to 2106."""
     seconds = nanoseconds // SECOND
     if not 10**9 <= seconds < 2**32:
         return ""

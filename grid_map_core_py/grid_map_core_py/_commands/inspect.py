@@ -61,11 +61,10 @@ def run(options: argparse.Namespace) -> int:
 
 
 def statistics_of(name: str, each: Callable[..., list[Any]], bins: int) -> dict[str, Any]:
-    """Return statistics and a histogram of the finite values of a layer as JSON values.
+    """Return statistics and a histogram of the finite values of a layer, as JSON values.
 
-    For packed colors, or if no value is finite, the statistics are None and the histogram is empty.
-    `each(function, layers)` calls `function` with the map, or with each tile of a tiled map, and
-    returns a list of the results.
+    The statistics are None for packed colors, or if no value is finite. `each(function, layers)`
+    returns `function(tile)` for each tile of the map.
     """
     import numpy as np
 

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Convert layers to and from images, packed colors, costmaps, point clouds and triangle meshes.
 
-- Gray images: `to_image`, `from_image`, `add_layer_from_image`; color images: `to_color_image`,
-  `add_color_layer_from_image`. `change_resolution` resamples all layers of a map.
+- Gray images: `to_image`, `from_image`, `add_layer_from_image`.
+- Color images: `to_color_image`, `add_color_layer_from_image`.
+- Change of the resolution of a map: `change_resolution`.
 - Packed colors: `color_vector_to_value`, `color_value_to_vector`.
-- Costmaps: `to_costs`, `from_costs`, `Costmap`. A `CostTable` or a `CostRange` defines the cost of
-  each layer value.
+- Costmaps: `to_costs`, `from_costs`, `Costmap`. `CostTable` and `CostRange` define the costs.
 - Point clouds: `from_points`, `rasterize`, `downsample`, `remove_outliers`, `PointCloudPipeline`.
 - Triangle meshes: `from_mesh`, `rasterize_triangles`.
 """

@@ -38,11 +38,11 @@ class CostCodec(Protocol):
 
 @dataclass(frozen=True)
 class CostTable:
-    """Maps layer values to the costs of costmap_2d and Nav2: free, inscribed, lethal, unknown.
+    """Converts layer values to Nav2 costs: free (0), inscribed (253), lethal (254), unknown (255).
 
     Values between `free` and `inscribed` are mapped linearly to the costs 0 to 253. The defaults
-    suit occupancy layers, with values from 0 to 100 and -1 for unknown. For layers that store
-    costs, use `CostTable(0, 253, 254, 255)`.
+    suit layers with occupancy values from 0 to 100 and -1 for unknown. For layers that store costs,
+    use `CostTable(0, 253, 254, 255)`.
 
     Attributes:
         free: layer value that maps to cost 0.
@@ -52,7 +52,7 @@ class CostTable:
 
     Raises:
         GeometryError: `free`, `inscribed` and `lethal` are not in ascending order, or `unknown`
-            coincides with the layer value of a known cost.
+            equals the layer value of another cost.
     """
 
     free: float = 0.0
@@ -153,7 +153,7 @@ class Costmap:
     """A costmap with the attributes of nav2's `PyCostmap2D`.
 
     Attributes:
-        costmap: (size_x * size_y,) uint8 costs: x ascends within a row, and y from row to row.
+        costmap: (size_x * size_y,) uint8 costs in rows along +x; the first row has the smallest y.
         size_x, size_y: number of cells along x and y.
         resolution: side of a cell [m].
         origin_x, origin_y: position of the corner with the smallest x and y [m].

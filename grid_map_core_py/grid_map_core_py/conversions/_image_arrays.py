@@ -1,19 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Convert layers to images and images to layers, and change the resolution of maps.
 
-Pixel (row, column) of an image is cell (row, column) of the map in map order. In the image, +x
-therefore points up and +y points left.
-
-**Color images are BGR by default**, the order of `cv2.imread` and `cv2.imwrite`. For images from
-Matplotlib, Pillow or ROS `rgb8`, pass `order="rgb"`. A fourth channel is always alpha.
-
-In gray images, the layer range [`lower`, `upper`] is scaled to [0, 255] for uint8, [0, 65535] for
-uint16, and [0, 1] for float32 and float64. A float image created without `lower` and `upper`
-contains the layer values unchanged.
-
-NaN becomes 0 in uint8 and uint16 images, and stays NaN in float images. In images with alpha, NaN
-cells are transparent, and all other cells are opaque. Infinite values become the nearest bound of
-the range. When an image is read, pixels with an alpha below half the maximum become NaN by default.
+Pixel (0, 0) of an image is the map cell with the largest x and y. In the image, +x points up and +y
+points left.
 """
 
 from __future__ import annotations
@@ -65,13 +54,16 @@ def to_image(
 ) -> Image:
     """Convert a layer to a gray image.
 
+    Pixel (0, 0) is the map cell with the largest x and y. Values outside the bounds are clamped. If
+    both bounds are None, a float image contains the layer values unchanged. NaN becomes 0 in
+    integer images, and stays NaN in float images. With alpha, NaN cells are transparent.
+
     Args:
         dtype: uint8, uint16, float32 or float64.
         channels: 1, 3 (three equal channels) or 4 (three equal channels and alpha).
         lower: layer value mapped to black; by default, the smallest finite value.
         upper: layer value mapped to white (255, 65535 or 1.0); by default, the largest finite
-            value. May be less than `lower`. Values outside the bounds are clamped. If both bounds
-            are None, a float image contains the layer values unchanged.
+            value. It may be less than `lower`.
 
     Returns:
         (rows, cols) for one channel, else (rows, cols, channels); C-contiguous.
@@ -94,6 +86,9 @@ def to_color_image(
     order: Order = "bgr",
 ) -> Image:
     """Convert a layer of packed colors to a color image.
+
+    NaN becomes 0 in integer images, and stays NaN in float images. With alpha, NaN cells are
+    transparent.
 
     Args:
         layer: layer of packed colors, as returned by `color_vector_to_value`.
@@ -147,10 +142,7 @@ def _paint(
 def _encoder(
     values: Layer, pixel: np.dtype[Any], lower: float | None, upper: float | None
 ) -> Callable[[Layer], Layer]:
-    """Return a function that scales layer values to the gray range of the dtype `pixel`.
-
-    The results are not cast to `pixel`. Float images without bounds are not scaled.
-    """
+    """Return a function that scales layer values to the gray range of `pixel`, without a cast."""
     if pixel.kind == "f" and lower is None and upper is None:
         return lambda values: values
     low, high = _range(lower, upper, values)
@@ -173,10 +165,7 @@ def _encoder(
 def _range(
     lower: float | None, upper: float | None, values: Layer
 ) -> tuple[np.float32, np.float32]:
-    """Return the bounds as float32.
-
-    If `lower` or `upper` is None, the smallest or largest finite value replaces it.
-    """
+    """Return float32 bounds; the smallest or largest finite value replaces None."""
     low = math.nan if lower is None else as_number(lower, "lower")
     high = math.nan if upper is None else as_number(upper, "upper")
     # If only one bound is given, and all finite values lie beyond it, both bounds are equal.
@@ -308,7 +297,7 @@ def _read_gray(
 
 
 def _read(pixels: Image, values_of: Callable[[Image], Layer], alpha_threshold: float) -> Layer:
-    """Convert pixels to a layer in map order, with NaN for transparent pixels."""
+    """Convert pixels to a layer; transparent pixels become NaN."""
     rows, columns, channels = pixels.shape
     values: Layer = np.empty((rows, columns), np.float32, order="F")
     share = as_number(alpha_threshold, "alpha_threshold")
@@ -340,8 +329,8 @@ def change_resolution(
             one of these names; or an interpolation flag of `cv2.resize`.
 
     Returns:
-        A map with `size * old / new` cells, rounded half away from zero, and start index (0, 0).
-        Position, frame, time and basic layers stay unchanged.
+        A map with `size * old / new` cells, rounded to the nearest integers (halves up). The start
+        index is (0, 0). Position, frame, time and basic layers stay unchanged.
 
     Raises:
         GeometryError: the resolution is not positive or results in no cells, or OpenCV does not
@@ -367,7 +356,7 @@ def change_resolution(
 
 
 def _as_image(image: ArrayLike, size: Size | None = None) -> Image:
-    """Validate an image, and return it with the shape (rows, cols, channels)."""
+    """Return an image as an array (rows, cols, channels), or raise `GeometryError`."""
     if image is None:
         raise GeometryError("image: got None, which cv2.imread returns for a file it cannot read")
     try:

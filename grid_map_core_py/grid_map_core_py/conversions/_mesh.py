@@ -27,7 +27,7 @@ _ROUNDING = 1e-9  # largest rounding error of a distance to an edge [cells]
 def rasterize_triangles(
     vertices: ArrayLike, faces: ArrayLike, grid_map: GridMap, layer: str = "elevation"
 ) -> GridMap:
-    """Return a map with a layer that contains the largest mesh height [m] at each cell center.
+    """Return a map with a new layer: the largest mesh height [m] at each cell center.
 
     A triangle also covers centers up to 1e-9 m outside its edges, so that no center on the edge
     between two triangles is missed. Triangles that are vertical, have zero area or are not finite
@@ -45,8 +45,8 @@ def rasterize_triangles(
 
     Raises:
         GeometryError: an array has the wrong shape or type, or a vertex index is out of range.
-        LimitError: the total number of cells in the bounding rectangles of the triangles exceeds
-            four times the limit `max_cells`.
+        LimitError: the bounding rectangles of all triangles contain more than four times
+            `max_cells` cells.
     """
     corners = as_points(vertices, "vertices")
     triangles = as_triangles(faces, len(corners))
@@ -112,7 +112,7 @@ def from_mesh(
 
 
 def as_triangles(faces: ArrayLike, vertices: int) -> NDArray[Any]:
-    """Split polygons (F, n) into triangles (F', 3) that share the first vertex of the polygon."""
+    """Split polygons (F, n) into triangles that share the first vertex of their polygon."""
     try:
         given = np.asarray(faces)
     except ValueError as error:
@@ -133,15 +133,15 @@ def as_triangles(faces: ArrayLike, vertices: int) -> NDArray[Any]:
 
 
 class _Triangles(NamedTuple):
-    """Triangles that may cover a cell center; horizontal lengths are in cells.
+    """Triangles that may cover cell centers; horizontal lengths are in cells.
 
     Attributes:
         row, column: (T,) first corner of each triangle.
         by_row, by_column: (3, T) change of each barycentric coordinate per row and per column.
         slacks: (3, T) tolerances; covered cells have barycentric coordinates >= -slack.
         heights: (3, T) heights of the corners [m].
-        first_row, row_count, first_column, column_count: (T,) cells in each bounding rectangle.
-        counts: (T,) number of these cells.
+        first_row, row_count, first_column, column_count: (T,) bounding rectangles.
+        counts: (T,) number of cells in each bounding rectangle.
     """
 
     row: Positions
@@ -162,8 +162,7 @@ def _prepared(
 ) -> _Triangles:
     """Return the finite triangles that are not vertical and have a nonzero area.
 
-    `rows`, `columns` (3, T) [cells] and `z` (3, T) [m] are the corners. Cell centers are at
-    integers. A triangle also covers cell centers up to `tolerance` [cells] outside its edges.
+    `rows` and `columns` (3, T) are the corners [cells]. Cell centers are at integers.
     """
     along_rows, along_columns = _edges(rows), _edges(columns)
     area = along_rows[2] * along_columns[0] - along_rows[0] * along_columns[2]
@@ -225,7 +224,7 @@ def _hits_of_large(triangle: _Triangles, map_rows: int) -> Iterator[tuple[Intege
 def _inside(
     first: Positions, second: Positions, slacks: Sequence[Positions] | Positions
 ) -> tuple[tuple[Positions, ...], Integers]:
-    """Return three barycentric coordinates of each cell, and the indices (n,) of covered cells."""
+    """Return the barycentric coordinates of cells, and the indices (n,) of covered cells."""
     weights = 1.0 - first - second, first, second
     hit = weights[0] >= -slacks[0]
     hit &= first >= -slacks[1]
@@ -236,7 +235,6 @@ def _inside(
 def _heights(
     weights: Iterable[Positions], hits: Integers, corners: Iterable[Positions]
 ) -> Positions:
-    """Return the heights (n,) of covered cells, interpolated between the triangle corners."""
     heights, total = np.zeros(len(hits)), np.zeros(len(hits))
     for weight, height in zip(weights, corners, strict=True):
         # Clamped, because extrapolating a steep triangle beyond an edge causes large errors.
@@ -254,6 +252,6 @@ def _range(corners: Positions, cells: int, tolerance: float) -> tuple[Integers, 
 
 
 def _edges(corners: Positions) -> Positions:
-    """Return the signed extents (3, T) of the edges opposite the corners, along one axis."""
+    """Return the signed lengths (3, T), along one axis, of the edges opposite the corners."""
     first, second, third = corners
     return np.array([third - second, first - third, second - first])

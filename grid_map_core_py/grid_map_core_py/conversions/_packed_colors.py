@@ -21,11 +21,11 @@ _RED, _GREEN = np.uint32(16), np.uint32(8)
 
 
 def color_vector_to_value(rgb: ArrayLike) -> NDArray[np.float32]:
-    """Pack colors into layer values.
+    """Pack colors into layer values, whose float32 bits are 0x00RRGGBB.
 
     Args:
         rgb: (..., 3) red, green, blue; floats in [0, 1] or integers in [0, 255]. Values outside the
-            range are clamped; floats are rounded down to a multiple of 1/255.
+            range are clamped. Floats are rounded down to multiples of 1/255.
 
     Returns:
         (...) float32; NaN where a component is NaN.
@@ -42,22 +42,18 @@ def color_vector_to_value(rgb: ArrayLike) -> NDArray[np.float32]:
 def color_channels_to_value(
     red: NDArray[Any], green: NDArray[Any], blue: NDArray[Any]
 ) -> NDArray[np.float32]:
-    """Pack three channels (...) into layer values (...), as in `color_vector_to_value`.
-
-    The result has the memory order of the channels.
-    """
+    """Pack red, green and blue (...) into layer values (...)."""
     with np.errstate(invalid="ignore"):
         bits = elementwise(_pack, np.uint32, red, green, blue)
     return bits.view(np.float32)
 
 
 def join_channels(red: Any, green: Any, blue: Any) -> Any:
-    """Combine uint32 channels in [0, 255] into the bits 0x00RRGGBB."""
     return red << _RED | green << _GREEN | blue
 
 
 def split_channels(bits: Any) -> tuple[Any, Any, Any]:
-    """Shift uint32 bits 0x00RRGGBB so that the lowest bytes are red, green and blue."""
+    """Shift bits 0x00RRGGBB so that the lowest bytes are red, green and blue."""
     return bits >> _RED, bits >> _GREEN, bits
 
 
@@ -65,7 +61,8 @@ def color_value_to_vector(value: ArrayLike) -> NDArray[np.float32]:
     """Unpack layer values into colors.
 
     Args:
-        value: (...) float32 color values, NaN for no color; or integers 0xRRGGBB.
+        value: (...) packed colors, as float32 layer values or as integers 0xRRGGBB. NaN means no
+            color.
 
     Returns:
         (..., 3) float32 red, green, blue in [0, 1]; NaN where `value` is NaN.
@@ -81,7 +78,7 @@ def color_value_to_vector(value: ArrayLike) -> NDArray[np.float32]:
 
 
 def color_value_to_bytes(value: NDArray[Any]) -> tuple[Bytes, Bytes, Bytes]:
-    """Unpack layer values (...) into red, green and blue (...); undefined where `value` is NaN."""
+    """Unpack layer values into red, green and blue; undefined where `value` is NaN."""
     if value.dtype.kind == "f":
         bits = value.astype(np.float32, copy=False).view(np.uint32)
     else:
@@ -91,10 +88,7 @@ def color_value_to_bytes(value: NDArray[Any]) -> tuple[Bytes, Bytes, Bytes]:
 
 
 def _pack(*channels: NDArray[Any]) -> NDArray[np.uint32]:
-    """Pack channels into bits 0x00RRGGBB.
-
-    The channels are floats in [0, 1] or integers in [0, 255].
-    """
+    """Pack channels, floats in [0, 1] or integers in [0, 255], into bits 0x00RRGGBB."""
     bits: NDArray[np.uint32] = join_channels(*map(_byte, channels))
     for channel in channels:
         if channel.dtype.kind == "f":

@@ -1,8 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Create elevation maps from raw point clouds: filter the cloud, then cluster each cell's points.
-
-The pipeline accepts the parameter files of the C++ package `grid_map_pcl` unchanged.
-"""
+"""Create elevation maps from raw point clouds, with parameter files of `grid_map_pcl` (C++)."""
 
 import math
 from collections.abc import Iterator, Mapping
@@ -29,7 +26,7 @@ _Edges: TypeAlias = list[tuple[Integers, Integers]]
 
 @dataclass(frozen=True, kw_only=True)
 class _CloudTransform:
-    """Rigid transform from the cloud to the map: a rotation, then a translation.
+    """Rigid transform from the cloud frame to the map frame: a rotation, then a translation.
 
     Attributes:
         translation: x, y, z [m].
@@ -98,8 +95,8 @@ class _Grid:
     Attributes:
         min_num_points_per_cell, max_num_points_per_cell: cells with fewer or more points are NaN.
         resolution: side of a cell [m].
-        height_type: 0 selects the cluster with the smallest mean height; 1 selects the cluster with
-            the most points (the lowest of several such clusters).
+        height_type: 0 selects the cluster with the smallest mean height, and 1 the cluster with the
+            most points. If several clusters have the most points, the lowest of them is selected.
         height_thresh: largest height of a cluster above the lowest cluster of the cell [m]; higher
             clusters are ignored. Applies to height type 1.
     """
@@ -122,10 +119,9 @@ class _Grid:
 class PointCloudPipeline:
     """Creates a map from a raw point cloud, with the parameters of `grid_map_pcl`.
 
-    First, outliers are removed and the cloud is downsampled, if the parameters enable these steps.
-    Then the cloud is transformed to the map frame, and the points of each cell are clustered. The
-    height of a cell is the mean height of the cluster that `height_type` selects. Cells without a
-    cluster are NaN.
+    If the parameters enable it, outliers are removed and the cloud is downsampled. The cloud is
+    then transformed to the map frame. The points of each cell are clustered, and `height_type`
+    selects one cluster. Its mean height is the height of the cell. Cells without a cluster are NaN.
 
     Attributes:
         num_processing_threads: number of threads that search for neighbors.
@@ -224,10 +220,7 @@ class PointCloudPipeline:
         return moved
 
     def _chunks(self, cells: Integers) -> Iterator[Integers]:
-        """Yield point indices (n,) in chunks of whole cells.
-
-        Cells with too few or too many points are skipped.
-        """
+        """Yield point indices (n,) for chunks of whole cells with an allowed number of points."""
         order = np.argsort(cells, kind="stable")
         sizes = np.unique(cells, return_counts=True)[1]
         least, most = self.grid_map.min_num_points_per_cell, self.grid_map.max_num_points_per_cell
@@ -243,7 +236,7 @@ class PointCloudPipeline:
     def _heights(
         self, cells: Integers, points: Positions
     ) -> tuple[Integers, npt.NDArray[np.float64]]:
-        """Return the cells (m,) in which points (n, 3) form clusters, and the heights (m,) [m]."""
+        """Return the cells (m,) that contain clusters, and their heights (m,) [m]."""
         extraction = self.cluster_extraction
         groups = np.unique(cells, return_inverse=True)[1]
         clusters = euclidean_clusters(
@@ -306,7 +299,6 @@ def downsample(points: npt.ArrayLike, voxel_size: npt.ArrayLike) -> Positions:
 
 
 def finite_points(points: npt.ArrayLike) -> Positions:
-    """Return the points with finite x, y and z as (M, 3) float64."""
     xyz: Positions = as_points(points)[:, :3].astype(np.float64)
     finite = np.isfinite(xyz).all(axis=1)
     return xyz if finite.all() else xyz[finite]
@@ -361,11 +353,10 @@ def remove_outliers(
 def euclidean_clusters(
     points: Positions, groups: Integers, tolerance: float, *, workers: int = 1
 ) -> Integers:
-    """Return the cluster number (n,) of each point (n, 3) [m]; the numbering is arbitrary.
+    """Return a cluster number (n,) for each point (n, 3) [m].
 
-    Two points are in the same cluster if a chain of points of the same group connects them, with
-    no step longer than the tolerance [m]. Steps up to 1e-9 m longer are accepted. Points must be
-    finite, and group numbers (n,) nonnegative. `workers` threads search for neighbors.
+    A cluster is connected by steps of at most `tolerance` [m] (plus 1e-9 m) between points of the
+    same group. Points must be finite, and `groups` (n,) nonnegative.
     """
     from scipy.spatial import cKDTree  # slow to import
 
@@ -400,12 +391,9 @@ def _missing_links(
     reach: float,
     workers: int,
 ) -> _Edges:
-    """Return links between points of different clusters in the same group.
+    """Return additional links between clusters of the same group.
 
-    In each pair of clusters, each crowded point of the cluster that has fewer crowded points is
-    linked to the nearest crowded point of the other cluster, if the distance is less than `reach`
-    [m]. The indices `crowded` select the points with the maximum number of links. Only these points
-    can lack links.
+    `crowded` are the points with the maximum number of links. Only these points can lack links.
     """
     from scipy.spatial import cKDTree  # slow to import
 
@@ -436,7 +424,7 @@ def _missing_links(
 
 
 def _apart(points: Positions, groups: Integers, reach: float) -> Positions:
-    """Append a coordinate that keeps different groups of points at least `2 * reach` apart."""
+    """Append a coordinate that separates groups of points by at least `2 * reach`."""
     return np.column_stack([points, 2.0 * reach * groups])
 
 

@@ -1,19 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Convert point clouds to layers by reducing the points in each cell to one value.
-
-Point clouds are arrays (N, 3) or wider; only the first three columns, x, y and z, are used. Points
-that are not finite, outside the map or outside the height limits are ignored.
-
-Reductions of heights and other fields:
-
-- `max`, `min`, `mean`, `median`: statistics of the values. If their number is even, the median is
-  the mean of the two middle values.
-- `first`, `last`: value of the first or last point in the cell, in the order of the cloud.
-- `variance`: mean squared deviation from the mean (population variance; 0 for one point).
-- `count`: number of points.
-
-In cells without points, `count` is 0 and all other reductions are NaN.
-"""
+"""Convert point clouds to layers by reducing the points in each cell to one value."""
 
 from __future__ import annotations
 
@@ -68,15 +54,18 @@ def rasterize(
 ) -> GridMap:
     """Return a map with layers computed from the points in each cell.
 
+    Points that are not finite or outside the map are ignored. In cells without points, `count` is 0
+    and all other reductions are NaN. `variance` is the population variance.
+
     Args:
         points: (N, 3) or wider, x, y, z [m], map frame; float32 or float64 in any memory order.
         layers: reduction of the point heights [m] for each layer name: `max`, `min`, `mean`,
             `median`, `first`, `last`, `variance` or `count`.
-        fields: other point values (N,) by field name; each field becomes a layer of the same name.
-            Values that are not finite are ignored. The fields `rgb`, `rgba` and `color` are packed
-            colors; alpha is dropped.
-        field_reductions: reductions by field name. The default is `mean`; the mean of colors is
-            computed per channel. Colors support only `mean`, `first`, `last` and `count`.
+        fields: other point values (N,) by field name. Each field becomes a layer of the same name.
+            Values that are not finite are ignored. The fields `rgb`, `rgba` and `color` contain
+            packed colors, whose alpha is dropped.
+        field_reductions: reductions by field name; the default is `mean`. Colors support only
+            `mean` (per channel), `first`, `last` and `count`.
         min_height, max_height: inclusive height range [m]; other points are ignored.
 
     Returns:
@@ -99,7 +88,7 @@ def rasterize_counted(
     field_reductions: Mapping[str, str] | None,
     limits: tuple[float, float],
 ) -> tuple[GridMap, Mask]:
-    """Return the result of `rasterize`, and a mask (N,) of the points that were not ignored."""
+    """Return the result of `rasterize`, and a mask (N,) of the used points."""
     cloud = as_points(points)
     sources = _sources(cloud, layers, fields or {}, field_reductions or {})
     geometry = grid_map.geometry
@@ -132,19 +121,19 @@ def from_points(
     frame_id: str = "",
     timestamp: int = 0,
 ) -> GridMap:
-    """Create a map from points; arguments not listed here are as in `rasterize`.
+    """Create a map from points. Arguments not listed here are as in `rasterize`.
 
-    Without `length` and `position`, the result is the smallest map that covers all points within
-    the height limits and has its borders at multiples of the resolution. The cells of maps from
-    different clouds are then aligned.
+    Without `length` and `position`, the map is just large enough for all points within the height
+    limits. Its borders are at multiples of the resolution. The cells of maps from different clouds
+    are then aligned.
 
     Args:
         resolution: side of a cell [m].
         length: (2,) side lengths of the map [m]; None means just large enough for all points.
         position: (2,) center of the map [m]. If None and `length` is given, the map is centered on
             the rectangle that encloses the points.
-        tight: if True, the map is centered on the rectangle that encloses the points, and its
-            borders are not aligned; ignored if `length` or `position` is given.
+        tight: center the map on the rectangle that encloses the points, without alignment. Ignored
+            if `length` or `position` is given.
         timestamp: timestamp of the map [ns].
 
     Raises:
@@ -180,10 +169,7 @@ def from_points(
 
 
 def as_colors(values: ArrayLike, name: str = "colors") -> NDArray[np.float32]:
-    """Remove alpha from colors (N,), which are 0xAARRGGBB as integers or as bits of float32 values.
-
-    `float("nan")` means no color.
-    """
+    """Remove alpha from colors 0xAARRGGBB, which are integers or bits of float32 values."""
     given = np.asarray(values if isinstance(values, np.ndarray) else as_numbers(values, name))
     if given.dtype.kind in "iu":
         return (given.astype(np.uint32) & _RGB).view(np.float32)
@@ -206,10 +192,8 @@ def fitting_geometry(
     """Return the smallest grid that covers the rectangle from `lower` to `upper` (2,) [m].
 
     Args:
-        hold_edges: if True, the grid also contains the -x and -y edges of the rectangle. A map does
-            not contain its -x and -y borders, so the grid may need one more row and column.
-        align: if True, align the borders with multiples of the resolution; if False, center the
-            grid on the rectangle.
+        hold_edges: include the -x and -y edges of the rectangle; maps exclude these borders.
+        align: align the borders with multiples of the resolution, instead of centering the grid.
         layers: number of layers for the check of the memory limit.
     """
     resolution = as_finite(resolution, "resolution", "a positive number", above=0.0)
@@ -246,7 +230,7 @@ def as_limits(min_height: float, max_height: float) -> tuple[float, float]:
 
 
 def _counted(points: NDArray[Any], limits: tuple[float, float]) -> Mask:
-    """Return a mask (N,) of the points with a finite height within the limits [m]."""
+    """Return a mask (N,) of the points with finite heights within the limits."""
     z = np.ascontiguousarray(points[:, 2])
     counted: Mask = np.isfinite(z) & (z >= limits[0]) & (z <= limits[1])
     return counted
@@ -265,10 +249,7 @@ def _extent(points: NDArray[Any], limits: tuple[float, float]) -> tuple[Position
 def _located(
     points: NDArray[Any], geometry: GridGeometry, limits: tuple[float, float]
 ) -> tuple[Integers, Mask]:
-    """Return the flat cell indices (n,) of the points on the map and within the limits.
-
-    Also return a mask (N,) of these points.
-    """
+    """Return the flat cells (n,) of the points to use, and a mask (N,) of these points."""
     find = ready(find_cells, len(points))
     # For comparisons, NumPy rounds the limits to the data type of the heights.
     rounded = points.dtype.type(limits).tolist()

@@ -17,10 +17,7 @@ _handled = 0
 
 
 def ready(wanted: Loop, points: int = 0) -> Compiled | None:
-    """Return the compiled loop, or None if numba is missing or few points were handled so far.
-
-    `points` is added to the number of points that this process has handled.
-    """
+    """Count `points`; return the compiled loop, or None without numba or after few points."""
     global _handled
     _handled += points
     return wanted.compiled() if _handled > _MANY else None
@@ -32,8 +29,8 @@ def find_cells(xyz: Any, count: int, frame: Any, size: Any, cells: Any, counted:
 
     Args:
         xyz: (3, n) coordinates of points [m], float32 or float64.
-        frame: lower and upper z limit, half the side lengths of the map (x, y), center of the map
-            (x, y), and the negative resolution; all [m].
+        frame: lower and upper z limit, half the map lengths (x, y), map center (x, y), and the
+            negative resolution; all [m].
         cells: (n,) output; the first k entries are the flat cells of the k counted points.
         counted: (n,) output; 1 for points on the map and within the z limits, else 0.
     """
@@ -58,8 +55,7 @@ def find_cells(xyz: Any, count: int, frame: Any, size: Any, cells: Any, counted:
 def find_medians(cells: Any, values: Any, places: Any, dealt: Any, medians: Any) -> None:
     """Write the median of the values (n,) in each cell to `medians`.
 
-    Cells without values keep their entry in `medians`. `dealt` is a buffer (n,) for the values
-    sorted by cell. `places` contains the first index of each cell in `dealt`, and is modified.
+    `dealt` (n,) is a buffer. `places` contains the first index of each cell in `dealt`.
     """
     for i in range(len(values)):
         dealt[places[cells[i]]] = values[i]

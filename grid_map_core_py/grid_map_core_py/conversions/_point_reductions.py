@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Functions that reduce the point values in each cell to one value.
 
-The arguments of a reduction are the flat cell index (n,) and the value (n,) of each point, and the
-number of cells. The result is one float32 per cell. In cells without points, `count` is 0 and all
-other reductions are NaN.
+The arguments are the flat cell (n,) and the value (n,) of each point, and the number of cells. The
+result is one float32 per cell. Without points, the count is 0 and all other results are NaN.
 """
 
 from collections.abc import Callable, Mapping
@@ -79,7 +78,7 @@ def _median(cells: Integers, values: _Values, size: int) -> _Flat:
 
 
 def mean_color(cells: Integers, values: npt.NDArray[Any], size: int) -> _Flat:
-    """Return the mean color of each cell; each channel is rounded to an integer."""
+    """Return the mean color of each cell, with channels rounded to integers."""
     numbers = np.bincount(cells, minlength=size)
     means = [
         (np.bincount(cells, channel, size) + numbers // 2) // np.maximum(numbers, 1)

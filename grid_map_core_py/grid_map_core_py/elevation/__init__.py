@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Elevation maps that move with a robot.
 
-`ElevationMapper` fuses range sensor scans into heights with variances, and clears cells that beams
-pass through. `UpdateReport` summarizes one update.
+`ElevationMapper` fuses scans of range sensors into heights with variances. It clears cells that
+beams have passed through. `UpdateReport` summarizes one update.
 
-The sensor noise models are `LaserModel`, `StructuredLightModel`, `StereoModel`, `ConstantModel` and
-`PerfectModel` (no noise). A custom noise model implements `SensorModel`.
+The noise models of sensors are `LaserModel`, `StructuredLightModel`, `StereoModel`, `ConstantModel`
+and `PerfectModel` (no noise). To write another noise model, implement `SensorModel`.
 
 `RollingMap` keeps the largest, smallest, mean or last height in each cell.
 """

@@ -1,12 +1,11 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Sorts the points of a scan by cell, and clusters points with consistent heights.
 
-The results do not depend on the order of the points in the scan.
-
-The points of a cell are visited from highest to lowest. Let z be the height of a point, and m the
-mean height of the current cluster. The point joins this cluster if
-`|z - m| <= max(threshold * sqrt(variance of m + variance of z), relief)`, where the relief is the
-height difference that a slope may cause within a cell. Otherwise, the point starts a new cluster.
+The points of a cell are visited from highest to lowest. A point of height z joins the current
+cluster of mean height m if
+`|z - m| <= max(threshold * sqrt(variance of m + variance of z), relief)`.
+Otherwise, the point starts a new cluster. The relief is the height difference that a slope may
+cause within a cell. The order of the points in the scan does not affect the results.
 """
 
 from __future__ import annotations
@@ -71,7 +70,7 @@ def sorted_by_cell(cells: Integers, heights: Numbers, variances: Numbers, size: 
 
 
 def in_one_order(points: Sorted, values: NDArray[Any]) -> Integers:
-    """Return `points.order`, sorted by `values` (n,) where heights and variances are equal."""
+    """Return `points.order`, with ties in height and variance sorted by `values` (n,)."""
     order = points.order
     same = np.zeros(len(order) + 1, np.bool_)
     same[1:-1] = (np.diff(points.heights) == 0) & (np.diff(points.variances) == 0)
@@ -89,10 +88,9 @@ def in_one_order(points: Sorted, values: NDArray[Any]) -> Integers:
 def deal(
     cells: Any, points: Any, count: Any, size: Any, borders: Any, order: Any, dealt: Any
 ) -> None:
-    """Sort the heights and variances `points` (count,) as described in `Sorted`.
+    """Sort points (count,) as described in `Sorted`.
 
-    `order` and `dealt` (count,) receive the sorted indices, heights and variances. `borders`
-    (size + 1,) contains zeros. On return, `borders[i]` is the end (exclusive) of cell i.
+    `borders` (size + 1,) contains zeros. On return, `borders[i]` is the end (exclusive) of cell i.
     """
     heights, variances = points
     sorted_heights, sorted_variances = dealt
@@ -114,10 +112,7 @@ def deal(
 
 
 def sort_part(begin: Any, end: Any, order: Any, heights: Any, variances: Any) -> None:
-    """Sort a slice of `order` and `heights` by descending height, then by variance (Shellsort).
-
-    `variances` stay in the original order of the points.
-    """
+    """Sort a slice of `order` and `heights` by descending height, then by variance (Shellsort)."""
     gap = (end - begin) // 2 if end - begin > 12 else 1
     while gap > 0:
         for i in range(begin + gap, end):
@@ -146,8 +141,7 @@ class Clusters:
         firsts: (q,) index in `points` of each cluster's highest point.
         counts: (q,) number of points in each cluster.
         means: (q,) mean heights, weighted by inverse variance [m].
-        variances: (q,) variances of the means [m^2]. They include the variance that all points of
-            a cell share, and are larger if the points scatter more than their variances predict.
+        variances: (q,) variances of the means [m^2], including pose uncertainty and scatter.
         spreads: (q,) amount by which the sample variance exceeds the point variances [m^2].
     """
 
@@ -189,7 +183,7 @@ class Clusters:
         return found
 
     def members(self, numbers: Integers) -> tuple[Integers, Integers]:
-        """Return the concatenated point indices of k clusters, and the offset (k,) of each part."""
+        """Return the point indices of k clusters, and the offset (k,) of each cluster in them."""
         counts = self.counts[numbers]
         begins = np.cumsum(counts) - counts
         return np.repeat(self.firsts[numbers] - begins, counts) + np.arange(counts.sum()), begins
@@ -198,7 +192,7 @@ class Clusters:
 def clusters_of(points: Sorted, common: Numbers, resolution: float, given: Parameters) -> Clusters:
     """Group the points of each cell into clusters of consistent heights.
 
-    `common` (m,) is the height variance [m^2] due to pose uncertainty, shared by a cell's points.
+    `common` (m,) is the height variance [m^2] due to pose uncertainty.
     """
     threshold, relief = given.mahalanobis_distance_threshold, RELIEF * resolution
     z, r = points.heights, points.variances
@@ -258,8 +252,8 @@ def _grow_arrays(
 def grow_clusters(borders: Any, count: Any, points: Any, gate: Any, counts: Any, sums: Any) -> None:
     """Write the `counts` and `sums` of each cluster at the index of its first point.
 
-    The sums are those of w, w h and w h^2 over the points of the cluster, where w is the inverse
-    variance of a point, and h is its height above the first point.
+    The sums are those of w, w h and w h^2, where w is the inverse variance of a point, and h is its
+    height above the first point.
     """
     begins, ends = borders
     z, r = points

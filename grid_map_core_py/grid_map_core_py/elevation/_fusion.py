@@ -1,33 +1,17 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Fuses the points of a scan with the heights of their cells.
 
-The points in a cell form clusters of similar heights. A cluster has support if it contains at least
-`conflict_points` points, and at least `min_support` times as many points as the cell's densest
-cluster. The highest cluster with support is the surface of the cell.
-
-The clusters are compared with the height that the cell has from earlier scans. `Clusters.agree`
-defines when a cluster agrees with this height. Each cell with points has one of these outcomes:
+`docs/elevation_model.md` explains the decisions. Each cell with points has one of these outcomes:
 
 - `CONFIRMED`: the height agrees with the surface, or with a smaller cluster above the surface. The
   height and the cluster are fused with inverse-variance weights.
-- `STARTED`: the height was unknown. The cell gets the height of the surface.
-- `RAISED`: the surface is above the height and replaces it. A smaller cluster above the surface is
-  a candidate. It replaces the height after three scans within half a second contained it at the
-  same height, each time with at least `conflict_points` points.
-- `LOWERED`: the surface is below the height and replaces it, in one of two cases:
-  - (a) The height was not confirmed for `scanning_duration`, and the beams of at least
-    `conflict_points` points of the surface entered the cell above the height.
-  - (b) At most `conflict_points` points ever supported the height, and no neighbor is more than one
-    resolution higher than the surface.
+- `STARTED`: the height was unknown. The surface, or else the highest cluster, becomes the height.
+- `RAISED`: the surface, or a confirmed candidate, is above the height and replaces it.
+- `LOWERED`: the surface, or else the highest cluster, is below the height and replaces it.
 - `CONTRADICTED`: none of the above applies. The height does not change.
 
-If no cluster has support, any cluster can confirm the height. In `STARTED` and case (b), the
-highest cluster then serves as the surface. `RAISED`, `LOWERED` and `CONTRADICTED` are conflicts:
-the variance of the cell grows by `multi_height_noise`.
-
-Drift compensation corrects the vertical offset between scan and map. The share
-`drift_compensation_alpha` of the offset shifts the whole map. The rest shifts the scan. With a
-steady drift, the map lags behind the odometry by `drift per scan / drift_compensation_alpha`.
+With a steady drift, drift compensation makes the map lag behind the odometry by
+`drift per scan / drift_compensation_alpha`.
 """
 
 from __future__ import annotations
@@ -59,17 +43,11 @@ LEVEL = 0.03
 
 
 def drift(clusters: Clusters, state: State, size: Size, given: Parameters) -> float:
-    """Return the vertical offset of a scan from the map [m], or 0 if the cells do not agree.
+    """Return the vertical offset of a scan from the map [m], or 0 if it is uncertain.
 
-    Near steps and edges, scan and map differ even without drift. Therefore, only level cells vote:
-    cells with a small variance, whose eight neighbors are known and have about the same height.
-    Each cluster in such a cell has one vote, which is its vertical offset from the map.
-
-    The tolerance of a vote is `threshold * sqrt(height variance + cluster variance)`. Votes that
-    exceed `max_drift` by more than their tolerance are ignored. Votes agree if they differ from the
-    median of the remaining votes by at most their tolerance. The result is the mean of the votes
-    that agree, weighted by inverse variance. The result is 0 if fewer than `min_drift_cells` or
-    fewer than half of the remaining votes agree, or if the mean exceeds `max_drift`.
+    `docs/elevation_model.md` explains the votes of the cells. The tolerance of a vote is
+    `threshold * sqrt(height variance + cluster variance)`. Votes that exceed `max_drift` by more
+    than their tolerance are ignored.
     """
     heights, variances = state.heights, state.variances
     cells, threshold = clusters.points.cells[clusters.groups], given.mahalanobis_distance_threshold
@@ -109,8 +87,7 @@ class Fusion:
     """Fusion of the clusters of a scan into the map state, which is modified in place.
 
     Attributes:
-        entries: function that accepts point indices, and returns the heights [m] at which the beams
-            of these points entered their cells.
+        entries: returns the heights [m] at which the beams of given points entered their cells.
         outcomes: (m,) `Outcome` of each cell with points.
         chosen: (m,) index of the cluster that determined each outcome.
     """
@@ -168,10 +145,7 @@ class Fusion:
         self.outcomes[np.isnan(old)] = Outcome.STARTED
 
     def _gives_way(self, lower: Integers, has_surface: Mask) -> Mask:
-        """Return a mask (k,) of the cells whose chosen cluster may replace the height.
-
-        `lower` (k,) contains the indices of the cells whose chosen cluster is below the height.
-        """
+        """Return a mask of the cells `lower` (k,) whose height the chosen cluster may replace."""
         cells, chosen, given = self._cells[lower], self.chosen[lower], self.given
         # If a neighbor is higher, an obstacle may cover part of the cell.
         beside = highest_around(self.state.heights, self.geometry.size, itself=False)[cells]
@@ -226,10 +200,7 @@ class Fusion:
         state.variances[cells] = np.maximum(variances, least) + noise
 
     def _seen_again(self, is_large: Mask, heights: Numbers, variances: Numbers) -> Integers:
-        """Return the index (m,) of each cell's candidate if enough scans contained it, or `NONE`.
-
-        Other candidates are kept for the next scans.
-        """
+        """Update the candidates; return those (m,) that enough scans contained, or `NONE`."""
         clusters, cells, memory = self.clusters, self._cells, self.state.memory
         groups, means = clusters.groups, clusters.means
         candidates = is_large & (self._numbers < self.chosen[groups]) & (means > heights[groups])
@@ -255,7 +226,7 @@ class Fusion:
     def _overhangs(self, is_large: Mask) -> Integers:
         """Return the lowest overhanging cluster (m,) of each cell, or `NONE`.
 
-        The layer `overhang` is updated, and map heights that belong to an overhang become NaN.
+        The layer `overhang` is updated. Map heights that belong to an overhang become NaN.
         """
         clusters, state, cells = self.clusters, self.state, self._cells
         groups, heights = clusters.groups, clusters.points.heights

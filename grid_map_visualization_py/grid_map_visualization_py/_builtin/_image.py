@@ -20,7 +20,7 @@ class ImageVisualization:
 
     Attributes:
         layer: layer to show.
-        color_mode: "intensity" colors the values with a color map, "color" reads packed colors.
+        color_mode: "intensity" uses the color map; "color" uses the packed colors in the layer.
         color_map: name of a Matplotlib color map.
         lower: value at the lower end of the color map (default: the smallest value).
         upper: value at the upper end of the color map (default: the largest value).

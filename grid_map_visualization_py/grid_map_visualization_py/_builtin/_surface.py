@@ -23,8 +23,8 @@ class SurfaceVisualization:
     Attributes:
         height_layer: layer with the heights [m].
         flat: draw the surface at height zero.
-        color_mode: "intensity" colors the surface by `color_layer`, using the color map, "color"
-            reads packed colors from `color_layer`, and "flat" draws the surface in `color`.
+        color_mode: "intensity" applies the color map to `color_layer`; "color" uses the packed
+            colors in `color_layer`; "flat" uses the single color `color`.
         color_layer: layer that determines the colors; empty means `height_layer`.
         color_map: name of a Matplotlib color map.
         lower: value at the lower end of the color map (default: the smallest value).
@@ -32,8 +32,8 @@ class SurfaceVisualization:
         invert: reverse the color map.
         color: surface color as 0xRRGGBB, used by the color mode "flat".
         opacity: surface opacity, from 0 (invisible) to 1 (opaque).
-        max_drawn_cells: maximum number of drawn cells, at least 9; larger maps are downsampled. 0
-            means no limit.
+        max_drawn_cells: maximum number of drawn cells, at least 9; 0 means no limit. Larger maps
+            are downsampled.
     """
 
     message_type: ClassVar[type] = Marker
