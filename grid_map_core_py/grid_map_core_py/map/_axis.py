@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Conversion between coordinates and cells along x or y.
 
-Cells are counted from the border with the largest coordinate, for any start index.
+Cells are counted from the border with the largest coordinate, whatever the start index is.
 """
 
 from __future__ import annotations
@@ -24,8 +24,7 @@ BORDER_TOLERANCE = 1e-9
 class Axis:
     """Cells of a grid along x or y.
 
-    The attributes are Python numbers. In an axis from `both_axes`, all attributes except
-    `resolution` are arrays.
+    In an axis from `both_axes`, all attributes except `resolution` are arrays.
 
     Attributes:
         size: number of cells.
@@ -47,9 +46,9 @@ class Axis:
         self.first = center + 0.5 * (self.length - resolution)
 
     def contains(self, x: Coordinate) -> bool | Mask:
-        """Return whether coordinates are on the map. The result is False for NaN.
+        """Return whether coordinates are on the map, False for NaN.
 
-        The upper border, with the larger coordinate, belongs to the map; the lower border does not.
+        The border with the larger coordinate belongs to the map, and the other border does not.
         Coordinates near a border are rounded as in the C++ library.
         """
         offset = self.offset(x)
@@ -60,10 +59,9 @@ class Axis:
         return self.half - (x - self.center)
 
     def steps(self, x: Coordinate) -> Coordinate:
-        """Return the fractional distances from the upper border [cells].
+        """Return the fractional distances from the upper border [cells], rounded as in C++.
 
-        As in the C++ library, rounding errors are possible: for a coordinate on the map, the result
-        may be slightly below 0, or equal to `size`.
+        On the map, the result may be slightly below 0, or equal to `size`.
         """
         steps = x - self.half
         steps -= self.center
@@ -104,14 +102,14 @@ class Axis:
 
         Args:
             x: coordinates on the map [m].
-            closed_above: if True, a coordinate exactly at a cell center belongs to the interval
-                below the center (t = 1); if False, to the interval above it (t = 0).
+            closed_above: whether a coordinate exactly at a cell center belongs to the interval
+                below the center (t = 1) or above it (t = 0).
             rounding: module with `trunc`, `floor` and `ceil`: NumPy, or `math` for one coordinate.
 
         Returns:
-            below: index of the cell at the lower end of the interval, from 0 to `size`. The cell
-                at the upper end has the index `below` - 1. The indices -1 and `size` are just
-                outside the map.
+            below: index of the cell at the lower end of the interval, from 0 to `size`. The cell at
+                the upper end has the index `below` - 1. The indices -1 and `size` are just outside
+                the map.
             t: position in the interval, from 0 (lower end) to 1.
         """
         cell = rounding.trunc(self.steps(x))
@@ -124,7 +122,7 @@ class Axis:
         return cell, t
 
     def overlapped(self, lower: float, upper: float) -> slice:
-        """Return the slice of the cells that an interval overlaps, which may be empty.
+        """Return the possibly empty slice of the cells that an interval overlaps.
 
         A cell counts only if the interval extends into it by more than `BORDER_TOLERANCE`.
         """
@@ -138,10 +136,9 @@ class Axis:
         return slice(first, stop if stop > first else first + 1)
 
     def shift_to(self, center: float) -> float:
-        """Return the distance to another center, positive towards smaller coordinates [cells].
+        """Return the distance to another center [cells], positive towards smaller coordinates.
 
-        The distance is rounded to whole cells, with halves rounded away from zero. An infinite
-        distance results in NaN.
+        Halves are rounded away from zero. An infinite distance results in NaN.
         """
         cells = (self.center - center) / self.resolution
         return math.copysign((abs(cells) + 0.5) // 1.0, cells)

@@ -52,7 +52,7 @@ def add_data_from(
 
 
 def extended_map(grid_map: GridMap, other: GridMap) -> GridMap:
-    """Return `grid_map` extended to cover `other`, or `grid_map` itself if it already does."""
+    """Return `grid_map` if it covers `other`, otherwise an extended copy."""
     check_frames(grid_map, other)
     inner, outer = grid_map.geometry, other.geometry
     # Far from the origin, rounding errors of coordinates exceed the usual tolerance.
@@ -106,10 +106,9 @@ def _has_one_crs(one: Any, other: GridMap) -> bool:
 def lines_under(
     centers: Positions, other: GridMap, axis: int
 ) -> tuple[npt.NDArray[np.int64], Mask]:
-    """Return the row (axis 0) or column (axis 1) of `other` at each x or y (N,) [m], and a mask.
+    """Return buffer rows (axis 0) or columns (axis 1) of `other` at coordinates (N,), and a mask.
 
-    Rows and columns are buffer indices. The mask (N,) is False outside `other`, where the nearest
-    row or column is returned.
+    Outside `other`, the mask is False, and the result is the nearest row or column.
     """
     positions = np.tile(other.position, (centers.size, 1))
     positions[:, axis] = centers
@@ -118,7 +117,7 @@ def lines_under(
 
 
 def _runs(inside: Mask) -> list[slice]:
-    """Return a slice for each run of True in a mask (n,). Runs do not wrap around the end."""
+    """Return a slice for each run of True in a mask (n,)."""
     padded = np.concatenate(([False], inside, [False]))
     edges = np.flatnonzero(padded[1:] != padded[:-1]).tolist()
     return [slice(first, stop) for first, stop in zip(edges[::2], edges[1::2], strict=True)]

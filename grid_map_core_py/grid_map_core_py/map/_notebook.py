@@ -37,10 +37,7 @@ def to_html(grid_map: GridMap) -> str:
 
 
 def to_png(grid_map: GridMap) -> bytes | None:
-    """Return a PNG of the first basic layer, or of the first layer if no layer is basic.
-
-    The result is None if the map has no layers.
-    """
+    """Return a PNG of the first basic layer, else of the first layer; None without layers."""
     layers = (*grid_map.basic_layers, *grid_map.layers)
     return _png(grid_map, layers[0], PICTURE) if layers else None
 

@@ -33,7 +33,7 @@ class Section:
 
 @dataclass(frozen=True, kw_only=True)
 class Preprocessing(Section):
-    """Parameters of the median filter that removes outliers before the search for planes.
+    """Median filter that removes outliers before the search for planes.
 
     Attributes:
         kernelSize: width of the median filter [cells], 3 or 5.
@@ -49,19 +49,19 @@ class Preprocessing(Section):
 
 @dataclass(frozen=True, kw_only=True)
 class SlidingWindow(Section):
-    """Thresholds for the plane fitted around each cell, and for whole regions.
+    """Thresholds for the planes of windows around cells, and for the planes of regions.
 
     Attributes:
         kernel_size: width of the window around each cell [cells], odd.
         planarity_opening_filter: radius of the morphological opening of the planar cells [cells].
-        plane_inclination_threshold_degrees: largest inclination of a region.
-        local_plane_inclination_threshold_degrees: largest inclination of a window's plane.
+        plane_inclination_threshold_degrees: largest inclination of the plane of a region.
+        local_plane_inclination_threshold_degrees: largest inclination of the plane of a window.
         plane_patch_error_threshold: largest RMS deviation of a window from its plane [m].
-        min_number_points_per_label: smallest number of cells per region.
-        global_plane_fit_distance_error_threshold: largest distance of a cell from its region's
-            plane, along z [m].
-        global_plane_fit_angle_error_threshold_degrees: largest angle between window plane and
-            region plane.
+        min_number_points_per_label: smallest number of cells of a region.
+        global_plane_fit_distance_error_threshold: largest vertical distance of a cell from the
+            plane of its region [m].
+        global_plane_fit_angle_error_threshold_degrees: largest angle between the plane of a window
+            and the plane of its region.
         connectivity, include_ransac_refinement: accepted, but without effect.
     """
 
@@ -82,7 +82,7 @@ class ContourExtraction(Section):
     """Safety margin of the regions.
 
     Attributes:
-        marginSize: width removed along each region's border [cells].
+        marginSize: width of the border that is removed from each region [cells].
     """
 
     marginSize: int = 0  # noqa: N815
@@ -103,8 +103,9 @@ UNUSED = "ransac_plane_refinement", "postprocessing"
 class PlaneParameters:
     """Parameters of `extract_planes`, grouped as in the C++ package convex_plane_decomposition.
 
-    The defaults are those of the C++ package, except that `marginSize` is in cells and is 0. The
-    sections `ransac_plane_refinement` and `postprocessing` are accepted, but without effect.
+    The defaults are those of the C++ package, except `marginSize`: it is in cells, and its default
+    is 0. The sections `ransac_plane_refinement` and `postprocessing` are accepted, but without
+    effect.
 
     Example:
         >>> parameters = {"contour_extraction": {"marginSize": 1}}
@@ -118,7 +119,7 @@ class PlaneParameters:
 
     @classmethod
     def from_mapping(cls, sections: Mapping[str, Any]) -> PlaneParameters:
-        """Create parameters from a mapping of section names to mappings of parameters.
+        """Create parameters from nested mappings: section names, then parameter names.
 
         Raises:
             ConfigError: a section or parameter is unknown, or has a wrong type or value.
