@@ -92,10 +92,7 @@ def changed_limits(**changes: float) -> Iterator[None]:
 
 
 def check_cells(name: str, size: Sequence[float], layers: int = 0) -> None:
-    """Raise `LimitError` if a map of `size` rows and columns would have too many cells or bytes.
-
-    `name` is the subject of the error message. `layers` is the number of layers to allocate.
-    """
+    """Raise `LimitError` if a map, or `layers` layers of it, would be too large."""
     cells = size[0] * size[1]
     if not cells <= current_limits().max_cells:
         rows, columns = (f"{count:.15g}" for count in size)

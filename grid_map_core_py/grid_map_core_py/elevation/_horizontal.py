@@ -26,17 +26,7 @@ Cells = NDArray[np.float64]
 
 
 def fused(heights: Cells, variances: Cells, horizontal: Cells, resolution: float) -> list[Layer]:
-    """Return the fused heights, variances, upper bounds and lower bounds, NaN where unknown.
-
-    See `ElevationMapper.fused_map` for the definitions.
-
-    Args:
-        heights, variances: heights [m] and their variances [m^2]; unknown heights are NaN.
-        horizontal: horizontal variance of each cell [m^2].
-
-    Raises:
-        LimitError: the neighbors of all cells would take too much memory.
-    """
+    """Return the layers of `ElevationMapper.fused_map`: height, variance, upper and lower bound."""
     known = ~np.isnan(heights)
     deviations = np.sqrt(np.where(known, horizontal, 0.0)) / resolution
     reach = min(int(np.ceil(_REACH * deviations.max(initial=0.0))), _FARTHEST)
@@ -60,10 +50,7 @@ def fused(heights: Cells, variances: Cells, horizontal: Cells, resolution: float
 def _neighbors(
     heights: Cells, variances: Cells, deviations: Cells, known: NDArray[np.bool_], reach: int
 ) -> Iterator[tuple[Cells, Cells, Cells]]:
-    """Yield weights, heights and variances (k,) for each offset from the k known cells.
-
-    Unknown neighbors have weight 0.
-    """
+    """Yield weights (0 if unknown), heights and variances (k,) of each neighbor of k cells."""
     padded = np.pad(heights, reach, constant_values=np.nan)
     spread = np.pad(variances, reach, constant_values=np.nan)
     # Probability that the position error along an axis rounds to each number of cells.

@@ -430,8 +430,6 @@ class ElevationMapper:
 
 @dataclass
 class _Stages:
-    """Measures the duration of each stage of an update [ms]."""
-
     milliseconds: dict[str, float] = field(default_factory=dict)
 
     @contextmanager

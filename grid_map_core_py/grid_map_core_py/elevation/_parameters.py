@@ -29,20 +29,18 @@ class Parameters:
         min_variance: smallest variance of a cell [m^2].
         max_variance: variance [m^2] above which a cell becomes unknown; 0 or less means no limit.
             The default for a `ConstantModel` is 100.
-        mahalanobis_distance_threshold: largest difference at which a point agrees with the height
-            of its cell [standard deviations].
+        mahalanobis_distance_threshold: largest difference at which a point agrees with its cell
+            [standard deviations].
         multi_height_noise: variance added to a cell when a scan contradicts its height [m^2].
         time_variance: growth rate of the variance of every cell [m^2/s].
         scanning_duration: time since the last confirmation after which a cell may be cleared or
             lowered [s].
-        conflict_points: number of points in one scan that must agree before they replace the height
-            of a cell.
-        min_support: number of points that a cluster (points of similar height in a cell) needs to
-            become the surface at once, as a share of the largest cluster. Smaller clusters must
-            appear in three scans.
+        conflict_points: number of agreeing points in one scan that replace a height.
+        min_support: number of points that a cluster needs to become the surface at once, as a share
+            of the cell's largest cluster. Smaller clusters must appear in three scans.
         overhang_clearance: vertical gap [m] above which a cluster counts as an overhang. The cell
-            then keeps the ground height, and the layer `overhang` holds the underside of the
-            overhang. With 0, the cell gets the highest surface.
+            then keeps the ground height, and the layer `overhang` holds the underside. With 0, the
+            cell gets the highest surface.
         max_time_jump: time difference between two scans above which the map clock restarts [s].
         enable_visibility_cleanup: clear cells that beams have passed through.
         max_ray_length: distance from the sensor up to which beams clear cells [m].
@@ -50,13 +48,13 @@ class Parameters:
         enable_drift_compensation: shift the map vertically to match the scans.
         max_drift: largest offset between scan and map that is compensated [m].
         drift_compensation_alpha: share of the offset that each scan corrects, 0 to 1.
-        drift_compensation_variance_inlier: largest variance of the cells that determine the offset
+        drift_compensation_variance_inlier: largest variance of cells that determine the offset
             [m^2].
         min_drift_cells: number of cells that must agree on the offset.
         ignore_points_above: height relative to the sensor above which points are ignored [m].
         ignore_points_below: height relative to the sensor below which points are ignored [m].
-        min_range: distance from the sensor below which points are ignored [m].
-        max_range: distance from the sensor above which points are ignored [m].
+        min_range: points nearer to the sensor are ignored [m].
+        max_range: points farther from the sensor are ignored [m].
         horizontal_variances: add the layer `horizontal_variance`, which `ElevationMapper.fused_map`
             needs.
         exponential_alpha: weight of the last scan in `exponential` fusion, 0 to 1.

@@ -53,44 +53,28 @@ class Covariance:
         return height + (roll * y * y - 2.0 * both * x * y + pitch * x * x)
 
     def with_height(self, variance: float) -> Covariance:
-        """Return a copy in which z has the given variance [m^2]."""
         matrix = self.matrix.copy()
         matrix[0, 0] = variance
         return replace(self, matrix=matrix)
 
     def of_places(self, x: Any, y: Any) -> Any:
-        """Return the variance [m^2] that pose errors add to the heights of cells.
-
-        In contrast to `of_points`, the covariances of z with roll and pitch are included.
-        """
+        """Return the variance [m^2] that pose errors and their correlations add to cell heights."""
         _, with_roll, with_pitch = self.matrix[0].tolist()
         return self.of_points(x, y) + 2.0 * (with_roll * y - with_pitch * x)
 
     def level_of_places(self, x: Any, y: Any) -> Any:
-        """Return the horizontal variances [m^2] of cells due to pose errors, averaged over x and y.
-
-        A yaw error moves a cell by `yaw * (-y, x)`.
-        """
+        """Return the horizontal variances [m^2] of cells due to pose errors without tilt."""
         (along_x, _, x_yaw), (_, along_y, y_yaw), (_, _, yaw) = self.level.tolist()
         return 0.5 * (along_x + along_y + yaw * (x * x + y * y)) + y_yaw * x - x_yaw * y
 
     def level_of_points(self, x: Any, y: Any, z: Any) -> Any:
-        """Return the horizontal variances [m^2] of points due to pose errors, including tilt.
-
-        A tilt error moves a point horizontally by the tilt angle times `z`, the height above the
-        sensor.
-        """
+        """Return the horizontal variances [m^2] of points due to pose errors and tilt."""
         tilt = 0.5 * float(self.matrix[1, 1] + self.matrix[2, 2])
         return self.level_of_places(x, y) + tilt * z * z
 
 
 def as_covariance(values: ArrayLike | None, name: str = "pose_covariance") -> Covariance | None:
-    """Convert a pose covariance (6, 6) to a `Covariance`. None stays None.
-
-    Raises:
-        GeometryError: the shape is wrong, or the matrix is not symmetric, finite and positive
-            semi-definite.
-    """
+    """Convert a pose covariance (6, 6), or raise `GeometryError`; None stays None."""
     if values is None:
         return None
     matrix: NDArray[np.float64] = as_array(values, np.float64, name)
@@ -159,7 +143,6 @@ class Scan:
     noise: Covariance | None
 
     def lowered(self, offset: float) -> Scan:
-        """Return a copy of the scan, lowered by `offset` [m]."""
         down = np.array([0.0, 0.0, offset])
         return replace(self, sensor=self.sensor - down, points=self.points - down[:, None])
 
@@ -223,10 +206,7 @@ def located(
     geometry: GridGeometry,
     given: Parameters,
 ) -> Scan:
-    """Return the finite points of a cloud (N, 3 or more) [m] that are within all limits.
-
-    `transform` (4, 4) is the transform from the sensor frame to the map frame.
-    """
+    """Return the finite points of a cloud (N, 3 or more) [m] that are within all limits."""
     count, kept, dropped = len(cloud), 0, dict[str, int]()
     points, variances = np.empty((3, count)), np.empty(count)
     cells, places = np.empty((2, count), np.int64)

@@ -98,11 +98,9 @@ class State:
         return dict(zip(HIDDEN, vars(self.memory).values(), strict=True)) | self.weights
 
     def is_stale(self, given: Parameters) -> Mask:
-        """Return a mask (cells,) of the cells that were not confirmed for `scanning_duration`."""
         return self.memory.age >= 1e3 * given.scanning_duration
 
     def confirm(self, cells: Integers | Mask, now: float) -> None:
-        """Record that `cells` were confirmed at time `now` [s]."""
         self.times[cells], self.memory.age[cells] = now, 0.0
 
     def layers(self, parameters: Parameters) -> dict[str, NDArray[np.float32]]:
@@ -136,7 +134,6 @@ def flat(layer: NDArray[Any]) -> NDArray[Any]:
 
 
 def shaped(layers: Mapping[str, NDArray[np.float32]], size: tuple[int, int]) -> dict[str, Layer]:
-    """Return views of flat layers with the shape (rows, cols)."""
     return {name: data.reshape(size, order="F") for name, data in layers.items()}
 
 

@@ -79,12 +79,10 @@ class ValueFusion:
         layers: dict[str, NDArray[np.float32]],
         weights: dict[str, NDArray[np.float32]],
     ) -> None:
-        """Fuse point values into flat layers (cells,), which are updated in place.
+        """Fuse values (n,) of the points on the map into the flat `layers` (cells,), in place.
 
-        Args:
-            values: (n,) values by layer name, for all points on the map in their original order.
-            weights: weights of `average` by layer name, and counts of `class_bayesian` by class
-                pattern; also updated in place.
+        `weights` holds the weights of `average` by layer, and the counts of `class_bayesian` by
+        pattern.
         """
         sets: dict[str, list[str]] = {}
         for name in values:

@@ -46,8 +46,7 @@ from ._state import State, highest_around
 def entry_heights(scan: Scan, geometry: GridGeometry, order: Integers, chosen: Integers) -> Numbers:
     """Return the heights (k,) [m] at which beams entered the cells of their points.
 
-    `order` (n,) contains scan indices of the points on the map, and `chosen` (k,) indices into
-    `order`.
+    `chosen` (k,) contains indices into `order`, the scan indices of the points on the map.
     """
     chosen = order[chosen]
     rows = geometry.size[0]
@@ -71,10 +70,7 @@ def cleared_cells(
     geometry: GridGeometry,
     given: Parameters,
 ) -> Integers:
-    """Return the indices of the cells that beams show to be free.
-
-    `points` are the scan points on the map, and `confirmed` the cells that the scan confirmed.
-    """
+    """Return the indices of the cells that beams show to be free."""
     heights, size, resolution = state.heights, geometry.size, geometry.resolution
     candidates = np.flatnonzero(state.is_stale(given) & ~np.isnan(heights))
     if not len(candidates):
@@ -164,10 +160,7 @@ def _trace_arrays(ways: Any, frame: tuple[float, ...], size: Size, surface: Any)
 
 
 def _normals(heights: Numbers, cells: Integers, size: Size, resolution: float) -> Numbers:
-    """Return the upward unit normals (3, k) of the surface in `cells`, as rows, columns and z.
-
-    The cell itself replaces neighbors that are unknown or outside the map.
-    """
+    """Return the upward unit normals (3, k) of the surface in `cells`, as rows, columns and z."""
     here, normals = heights[cells], np.ones((3, len(cells)))
     lines = cells % size[0], cells // size[0]
     for axis, (line, step) in enumerate(zip(lines, (1, size[0]), strict=True)):

@@ -164,10 +164,7 @@ def formats() -> dict[str, Format]:
 def find_format(
     path: Path, options: Iterable[str] = (), *, name: str | None = None, writes: bool = False
 ) -> Format:
-    """Return the first format that can read or write a path and accepts all options.
-
-    `options` contains the names of the options. `name` selects a format regardless of the path.
-    """
+    """Return the first format that can read or write a path and accepts all options."""
 
     def fits(one: Format) -> bool:
         test = one.writes if writes else one.reads

@@ -86,7 +86,6 @@ def load_geotiff(path: str | PathLike[str], layers: Iterable[str] | None = None)
 
 
 def describe_geotiff(path: str | PathLike[str]) -> dict[str, Any]:
-    """Return {"map": metadata} for a GeoTIFF file."""
     with _opened(path) as stored:
         return {"map": stored.facts()}
 
@@ -258,7 +257,6 @@ def checked_crs(crs: Any) -> str:
 
 
 def raster_profile(described: Any, layers: int, *, compress: bool) -> dict[str, Any]:
-    """Return the rasterio options of a GeoTIFF file with `layers` bands."""
     geometry, step = described.geometry, described.resolution
     west, north = geometry.position + described.origin + [-0.5, 0.5] * geometry.length
     profile = {

@@ -151,12 +151,10 @@ def to_north_up(image: Image) -> Image:
 
 
 def from_north_up(image: Image) -> Image:
-    """Rotate an image with +y up and +x right to map order."""
     return image[:, ::-1].swapaxes(0, 1)
 
 
 def encode_image(image: Image, ending: str) -> bytes:
-    """Encode an image in the format of a file extension, such as ".png"."""
     done, data = cv2.imencode(ending, np.ascontiguousarray(image))
     if not done:
         raise ValueError(f"OpenCV cannot encode this image as {ending}")
@@ -164,17 +162,13 @@ def encode_image(image: Image, ending: str) -> bytes:
 
 
 def write_image(file: Path, image: Image) -> None:
-    """Write an image file atomically."""
     data = encode_image(image, file.suffix.lower())
     with new_file(file) as temporary:
         temporary.write_bytes(data)
 
 
 def read_image(file: Path) -> Image:
-    """Read the gray (rows, cols) or BGR(A) (rows, cols, 3 or 4) pixels of an image file.
-
-    Raises `OSError` or `ValueError` for unreadable files, and `LimitError` for too many pixels.
-    """
+    """Read the gray (rows, cols) or BGR(A) (rows, cols, 3 or 4) pixels of an image file."""
     data = file.read_bytes()
     with suppress(struct.error):
         check_cells(f"{file}: image", _claimed_size(data))

@@ -78,7 +78,6 @@ def load_npz(path: str | PathLike[str], layers: Iterable[str] | None = None) -> 
 
 
 def describe_npz(path: str | PathLike[str]) -> dict[str, Any]:
-    """Return {"map": metadata} for the map in a file."""
     with _opened(path) as stored:
         return {"map": stored.facts()}
 

@@ -40,10 +40,7 @@ def check_ending(path: str | PathLike[str], *own: str) -> None:
 
 @contextmanager
 def storage_errors(file: Path, doing: str) -> Iterator[None]:
-    """Convert errors that occur when a file is read or written to `GridMapError`.
-
-    `doing` is "read" or "written", for the error message.
-    """
+    """Convert errors that occur when a file is read or written to `GridMapError`."""
     try:
         yield
     except (LayerNotFoundError, MissingPackageError):
@@ -81,7 +78,6 @@ def naming(path: str | PathLike[str]) -> Iterator[None]:
 
 
 def package_for(path: str | PathLike[str], kind: str, name: str) -> Any:
-    """Import the package `name`, or raise an error that says how to install it."""
     return errors.required(name, f"{path}: {kind}")
 
 
@@ -125,7 +121,6 @@ class StoredMap:
     file: Path
 
     def load(self, layers: Iterable[str] | None) -> GridMap:
-        """Return the map with the named layers; None means all."""
         wanted, size = select_layers(self.layers, layers), self.empty.size
         check_cells(f"{self.file}: map", size, len(wanted))
         grid_map = self.empty.with_layers(dict(zip(wanted, self.read(wanted), strict=True)))
@@ -133,7 +128,6 @@ class StoredMap:
         return grid_map
 
     def facts(self) -> dict[str, Any]:
-        """Return the result of `map_facts` without reading a layer."""
         names = {"layers": [*self.layers], "basic_layers": [*self.basic_layers]}
         return map_facts(self.empty) | names
 
@@ -201,7 +195,6 @@ def _beside(path: str | PathLike[str]) -> Iterator[tuple[Path, Path]]:
 
 
 def _sync(path: Path) -> None:
-    """Flush a file or the entries of a folder to disk."""
     number = os.open(path, os.O_RDONLY)
     try:
         os.fsync(number)

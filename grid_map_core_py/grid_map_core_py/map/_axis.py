@@ -22,17 +22,9 @@ BORDER_TOLERANCE = 1e-9
 
 
 class Axis:
-    """Cells of a grid along x or y.
+    """Cells of a grid along x or y. Lengths and coordinates are in meters.
 
     In an axis from `both_axes`, all attributes except `resolution` are arrays.
-
-    Attributes:
-        size: number of cells.
-        resolution: side of a cell [m].
-        center: coordinate of the center of the map [m].
-        length: side of the map [m].
-        half: half of `length` [m].
-        first: coordinate of the center of cell 0 [m].
     """
 
     __slots__ = ("center", "first", "half", "length", "resolution", "size")
@@ -43,7 +35,7 @@ class Axis:
         self.center = center
         self.length = size * resolution
         self.half = 0.5 * self.length
-        self.first = center + 0.5 * (self.length - resolution)
+        self.first = center + 0.5 * (self.length - resolution)  # center of cell 0
 
     def contains(self, x: Coordinate) -> bool | Mask:
         """Return whether coordinates are on the map, False for NaN.
@@ -91,7 +83,6 @@ class Axis:
         return self.first - self.resolution * cell
 
     def centers(self, first: int, stop: int) -> Positions:
-        """Return the centers [m] of the cells from `first` to `stop` - 1."""
         # A range of floats saves the conversion from integers.
         return self.center_of(np.arange(first, stop, dtype=np.float64))
 
@@ -101,10 +92,9 @@ class Axis:
         """Return the interval between cell centers that contains each coordinate.
 
         Args:
-            x: coordinates on the map [m].
             closed_above: whether a coordinate exactly at a cell center belongs to the interval
                 below the center (t = 1) or above it (t = 0).
-            rounding: module with `trunc`, `floor` and `ceil`: NumPy, or `math` for one coordinate.
+            rounding: NumPy, or the module `math` for one coordinate.
 
         Returns:
             below: index of the cell at the lower end of the interval, from 0 to `size`. The cell at
@@ -122,10 +112,7 @@ class Axis:
         return cell, t
 
     def overlapped(self, lower: float, upper: float) -> slice:
-        """Return the possibly empty slice of the cells that an interval overlaps.
-
-        A cell counts only if the interval extends into it by more than `BORDER_TOLERANCE`.
-        """
+        """Return the cells that an interval overlaps by more than `BORDER_TOLERANCE`."""
         size, tolerance = self.size, BORDER_TOLERANCE / self.resolution
         near, far = self.steps(upper) + tolerance, self.steps(lower) - tolerance
         # `near` or `far` may be infinite. Comparisons are faster than `min` and `max`.
@@ -136,10 +123,7 @@ class Axis:
         return slice(first, stop if stop > first else first + 1)
 
     def shift_to(self, center: float) -> float:
-        """Return the distance to another center [cells], positive towards smaller coordinates.
-
-        Halves are rounded away from zero. An infinite distance results in NaN.
-        """
+        """Return the distance to a center in whole cells, positive towards smaller coordinates."""
         cells = (self.center - center) / self.resolution
         return math.copysign((abs(cells) + 0.5) // 1.0, cells)
 
@@ -151,7 +135,6 @@ class Axis:
         return self.at(self.center - self.resolution * shift)
 
     def block(self, first: int, stop: int) -> Axis:
-        """Return the axis of the cells from `first` to `stop` - 1."""
         size = stop - first
         corner = self.center + self.half
         center = corner - self.resolution * (first + 0.5 * size)

@@ -349,7 +349,6 @@ class GridGeometry:
 
     @cached_property
     def _both(self) -> Axis:
-        """Both axes as one `Axis` of arrays, for coordinates (2, N)."""
         return both_axes(self._x, self._y)
 
     @cached_property

@@ -49,21 +49,21 @@ _NO_DATA = np.array(nan, np.float32)  # NumPy assigns an array faster than a num
 class GridMap(MutableMapping[str, Layer]):
     """A rectangular grid of cells with any number of float32 layers.
 
-    A map is a mutable mapping from names to layers: `map[layer]` is the live (rows, cols) array,
-    and writing to this array changes the map. `map[layer] = values` adds or replaces a layer. If
-    `values` is an xarray array, it is aligned by its coordinates. NaN means "no data". A
-    `RuntimeWarning` is issued if finite values beyond the float32 range become infinite, or if
-    float32 rounds values above 2**24.
+    A map is a mutable mapping from layer names to arrays. `map[layer]` returns the (rows, cols)
+    array of the layer without a copy, so writing to this array changes the map.
+    `map[layer] = values` adds or replaces a layer. xarray arrays are aligned by their coordinates.
+    NaN means "no data". If values exceed the float32 range, or if values above 2**24 are rounded, a
+    `RuntimeWarning` is issued.
 
     In map order, cell (0, 0) is at the corner with the largest x and y. Rows run towards -x and
     columns towards -y. Layers of a new map are in map order. After `move`, layers are circular
     buffers, in which cell (0, 0) is stored at `start_index`. `axes()`, `grid_map_core_py.regions`
-    and all methods that convert positions handle the start index. To read or write a layer in map
-    order, use `unwrapped(layer)` and `set_unwrapped(layer, values)`.
+    and all methods that convert positions take the start index into account. To read or write a
+    layer in map order, use `unwrapped(layer)` and `set_unwrapped(layer, values)`.
 
     Two maps are equal if their grids, frames, times, basic layers and layer values in map order are
-    equal. NaN equals NaN. Layer order, start index and `crs` do not matter. Maps are mutable and
-    not hashable.
+    equal. NaN equals NaN. Layer order, start index and `crs` do not matter. Maps are not hashable,
+    because they are mutable.
 
     Args:
         length: (2,) side lengths along x and y [m], not cells: at a resolution of 0.05, the lengths
@@ -609,7 +609,8 @@ class GridMap(MutableMapping[str, Layer]):
     def unwrapped(self, layer: str) -> Layer:
         """Return a layer (rows, cols) in map order: row 0, column 0 has the largest x and y.
 
-        The result is the live layer if `start_index` is (0, 0), else a copy. See `set_unwrapped`.
+        If `start_index` is (0, 0), the result is the layer itself, otherwise a copy. To change the
+        layer, use `set_unwrapped`.
         """
         return self._from_start(self[layer], (0, 0))
 
@@ -731,10 +732,10 @@ class GridMap(MutableMapping[str, Layer]):
     ) -> GridMap:
         """Return the map in another frame, as its surface appears from above.
 
-        Each cell with a finite height becomes a 3-D point with the values of the other layers. If a
-        cell of the new map contains several points, the highest one is used. Among equally high
-        points, the point from the last cell in column-major map order is used. Points outside the
-        new map are dropped.
+        Each cell with a finite height becomes a 3-D point with the values of the other layers. If
+        several points are in the same cell of the new map, the highest point is used. Among equally
+        high points, the point from the last cell in column-major map order is used. Points outside
+        the new map are dropped.
 
         Args:
             transform: (4, 4) rotation and translation [m] from the frame of this map to the new
@@ -892,10 +893,7 @@ class GridMap(MutableMapping[str, Layer]):
         geometry: GridGeometry | None = None,
         start: Size | None = None,
     ) -> GridMap:
-        """Return a map with these layers, without any checks.
-
-        All other attributes are copied, except the names of basic layers that are missing.
-        """
+        """Return a map with these layers and all other attributes, without any checks."""
         result = GridMap.__new__(GridMap)
         result._put(
             geometry or self._geometry,

@@ -76,7 +76,6 @@ def interpolate(
 
 
 def method_of(interpolation: object) -> Interpolation:
-    """Return the `Interpolation` for a member or a name."""
     try:
         return Interpolation(interpolation)
     except ValueError:
@@ -255,10 +254,7 @@ def _weights(t: Coordinate, reach: int) -> tuple[Coordinate, ...]:
 
 
 def _continued(far: Coordinate, near: Coordinate) -> tuple[Coordinate, Coordinate]:
-    """Return outer weights that extrapolate with the slope at the border cell.
-
-    `far` belongs to the outer neighbor on the map, and `near` to the neighbor off the map.
-    """
+    """Return the weights of outer cells on and off the map, so that the border slope continues."""
     return far - near, 2.0 * near
 
 

@@ -222,11 +222,7 @@ class SignedDistanceField:
     def _located(
         self, points: Positions, rounded: Callable[[Positions], Positions], width: int
     ) -> tuple[_Coordinates, _Coordinates]:
-        """Return the node coordinates of points, and the first node that each point needs.
-
-        Node coordinates are in units of the node spacing, NaN where a point is not finite. First
-        nodes are clamped so that `width` nodes follow along each axis.
-        """
+        """Return node coordinates [nodes], and the first of `width` nodes that each point needs."""
         places, cells = [], []
         for axis, size in enumerate(self._counts):
             place = points[:, axis] - self._first[axis]

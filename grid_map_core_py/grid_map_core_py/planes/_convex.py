@@ -26,7 +26,7 @@ def convex_inside(region: PlanarRegion, position: ArrayLike, vertices: int = 16)
     the nearest edge. This method is based on IRIS (Deits and Tedrake, "Computing large convex
     regions of obstacle-free space through semidefinite programming", 2015). IRIS measures distances
     from an ellipse. This function measures distances from a segment that starts at the position and
-    ends half-way to the outline. It tries segments in several directions, and returns the largest
+    ends halfway to the outline. It tries segments in several directions, and returns the largest
     polygon.
 
     Args:

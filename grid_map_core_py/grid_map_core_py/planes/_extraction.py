@@ -43,9 +43,9 @@ def extract_planes(
         layer: name of the height layer [m].
         parameters: thresholds; None means the defaults.
         previous: regions of an earlier map with the same frame and resolution; the map may have
-            moved since. A new region keeps the id of the earlier region with which it shares the
-            most cells. Each id is used once: if an earlier region was split, its id goes to the
-            part with the most shared cells. All other regions get new ids.
+            moved since. The id of each earlier region goes to the new region with which it shares
+            the most cells. If several ids go to the same new region, it gets the id of the earlier
+            region with the most shared cells. All other regions get new ids.
 
     Raises:
         LayerNotFoundError: the map has no layer `layer`.
@@ -160,11 +160,7 @@ def _fitted(
 def _identify(
     labels: NDArray[np.int32], is_kept: Mask, grid_map: GridMap, previous: PlanarRegions | None
 ) -> tuple[NDArray[np.int64], int]:
-    """Return the ids (N,) of labels 1 to N, and the next unused id.
-
-    `labels` (rows, cols) is in map order, 0 for none. Labels outside the mask `is_kept` (N,) get id
-    0.
-    """
+    """Return the ids (N,) of labels 1 to N, 0 if not in `is_kept`, and the next unused id."""
     ids, next_id = np.zeros(1 + is_kept.size, np.int64), 1
     check(isinstance(previous, PlanarRegions | None), "previous", "PlanarRegions", previous)
     if previous is not None:

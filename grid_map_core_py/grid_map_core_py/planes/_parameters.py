@@ -54,14 +54,14 @@ class SlidingWindow(Section):
     Attributes:
         kernel_size: width of the window around each cell [cells], odd.
         planarity_opening_filter: radius of the morphological opening of the planar cells [cells].
-        plane_inclination_threshold_degrees: largest inclination of the plane of a region.
-        local_plane_inclination_threshold_degrees: largest inclination of the plane of a window.
+        plane_inclination_threshold_degrees: largest inclination of a region.
+        local_plane_inclination_threshold_degrees: largest inclination of a window's plane.
         plane_patch_error_threshold: largest RMS deviation of a window from its plane [m].
-        min_number_points_per_label: smallest number of cells of a region.
-        global_plane_fit_distance_error_threshold: largest vertical distance of a cell from the
-            plane of its region [m].
-        global_plane_fit_angle_error_threshold_degrees: largest angle between the plane of a window
-            and the plane of its region.
+        min_number_points_per_label: smallest number of cells per region.
+        global_plane_fit_distance_error_threshold: largest vertical distance of a cell from its
+            region's plane [m].
+        global_plane_fit_angle_error_threshold_degrees: largest angle between a window's plane and
+            its region's plane.
         connectivity, include_ransac_refinement: accepted, but without effect.
     """
 
@@ -82,7 +82,7 @@ class ContourExtraction(Section):
     """Safety margin of the regions.
 
     Attributes:
-        marginSize: width of the border that is removed from each region [cells].
+        marginSize: width removed along each region's border [cells].
     """
 
     marginSize: int = 0  # noqa: N815
