@@ -276,8 +276,8 @@ class ElevationMapper:
 
         In each layer that both maps have, a cell gets the value of the cell in the other map that
         contains its center. NaN values are copied too. Variances that are unknown or below
-        `min_variance` become `min_variance`. The bounds are not copied but recomputed. The layer
-        `time` is not copied: replaced heights count as confirmed by the last scan.
+        `min_variance` become `min_variance`. The bounds and the layer `time` are not copied. The
+        bounds are recomputed, and replaced heights count as confirmed by the last scan.
 
         Args:
             grid_map: the other map, in the same frame.
@@ -320,8 +320,8 @@ class ElevationMapper:
         """Return a copy of the map that accounts for the horizontal uncertainty of cells.
 
         Each known cell is combined with the cells in which its true position may lie, at most four
-        cells away along each axis. Each of these cells is weighted with the probability of that
-        position. Unknown cells are ignored. The results are:
+        cells away along each axis. The weight of a cell is the probability that the true position
+        lies in it. Unknown cells are ignored. The results are:
 
         - `elevation`, `variance`: mean and variance of the weighted cells.
         - `upper_bound`: 99 % quantile of the upper bounds of these cells.
