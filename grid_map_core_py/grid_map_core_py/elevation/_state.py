@@ -140,10 +140,7 @@ def shaped(layers: Mapping[str, NDArray[np.float32]], size: tuple[int, int]) -> 
 def highest_around(
     values: NDArray[Any], size: Size, radius: int = 1, *, itself: bool = True
 ) -> NDArray[np.float32]:
-    """Return the maximum (cells,) within `radius` cells of each cell, ignoring NaN.
-
-    If all values are NaN, the result is -inf. If `itself` is False, the cell itself is excluded.
-    """
+    """Return the maximum (cells,) around each cell, ignoring NaN; -inf if all are NaN."""
     kernel = np.ones((2 * radius + 1, 2 * radius + 1), np.uint8)
     kernel[radius, radius] = itself
     # `cv2.dilate` is ten times as fast for float32 as for float64.

@@ -165,7 +165,6 @@ def load_cloud(
 
 
 def describe_cloud(path: str | PathLike[str]) -> dict[str, Any]:
-    """Return the number of points and faces, the fields and the extent of a file."""
     mesh = _mesh(path, required=False)
     points, fields = load_points(path)
     lower, upper = _extent(path, points)

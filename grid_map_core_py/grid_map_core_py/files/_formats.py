@@ -78,7 +78,6 @@ class Format:
 
 
 def options_of(function: Callable[..., object] | None, given: int = 1) -> tuple[str, ...]:
-    """Return the parameter names of a function, except the first `given` ones."""
     return () if function is None else tuple(inspect.signature(function).parameters)[given:]
 
 

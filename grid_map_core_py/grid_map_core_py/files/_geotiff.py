@@ -123,7 +123,6 @@ def open_raster(path: str | PathLike[str], overview: int | None = None) -> Any:
 
 
 def stored_map(raster: Any, path: str | PathLike[str], geometry: GridGeometry) -> StoredMap:
-    """Return the map in an open raster, with layers that are read on demand."""
     tags = _tags_of(raster)
     names: list[str] = []
     for number, name in enumerate(raster.descriptions, 1):

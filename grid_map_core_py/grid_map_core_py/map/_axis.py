@@ -51,10 +51,7 @@ class Axis:
         return self.half - (x - self.center)
 
     def steps(self, x: Coordinate) -> Coordinate:
-        """Return the fractional distances from the upper border [cells], rounded as in C++.
-
-        On the map, the result may be slightly below 0, or equal to `size`.
-        """
+        """Return distances from the upper border [cells]; rounding may yield < 0 or `size`."""
         steps = x - self.half
         steps -= self.center
         steps /= -self.resolution

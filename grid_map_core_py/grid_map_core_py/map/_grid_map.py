@@ -838,13 +838,11 @@ class GridMap(MutableMapping[str, Layer]):
         )
 
     def _repr_html_(self) -> str:
-        """Return an HTML table of the layers, which notebooks display."""
         from ._notebook import to_html
 
         return to_html(self)
 
     def _repr_png_(self) -> bytes | None:
-        """Return a PNG picture for notebooks that cannot display HTML."""
         from ._notebook import to_png
 
         return to_png(self)

@@ -64,7 +64,6 @@ _FALLBACKS = {
 def interpolate(
     grid_map: GridMap, layer: str, positions: ArrayLike, interpolation: Interpolation | str
 ) -> float | Positions:
-    """Return the values of a layer at positions; see `GridMap.at_position`."""
     method = interpolation if type(interpolation) is Interpolation else method_of(interpolation)
     grid = grid_map.geometry, grid_map.start_index, grid_map[layer]
     point = plain_pair(positions)
@@ -115,7 +114,6 @@ def _outside(geometry: GridGeometry, point: object) -> OutOfMapError:
 
 
 def check_inside(geometry: GridGeometry, points: Positions) -> None:
-    """Raise `OutOfMapError` if any of the positions (N, 2) is not on the map."""
     if not len(points):
         return
     # Rounding preserves the order: if the extreme positions are inside, all positions are.

@@ -27,7 +27,6 @@ def add_data_from(
     overwrite_data: bool,
     layers: Iterable[str] | None,
 ) -> None:
-    """Copy data of `other` into `grid_map`; see `GridMap.add_data_from`."""
     check_frames(grid_map, other)
     if not grid_map.crs:
         grid_map._reference = other._reference
@@ -106,10 +105,7 @@ def _has_one_crs(one: Any, other: GridMap) -> bool:
 def lines_under(
     centers: Positions, other: GridMap, axis: int
 ) -> tuple[npt.NDArray[np.int64], Mask]:
-    """Return buffer rows (axis 0) or columns (axis 1) of `other` at coordinates (N,), and a mask.
-
-    Outside `other`, the mask is False, and the result is the nearest row or column.
-    """
+    """Return nearest rows (axis 0) or columns (axis 1) of `other`, and a mask of those inside."""
     positions = np.tile(other.position, (centers.size, 1))
     positions[:, axis] = centers
     lines, inside = other.get_indices(positions)

@@ -24,7 +24,6 @@ _OPAQUE = 255
 
 
 def to_html(grid_map: GridMap) -> str:
-    """Return an HTML table of the layers with embedded pictures."""
     title = (
         f"GridMap: {grid_map.size[0]} x {grid_map.size[1]} cells of {grid_map.resolution:g} m, "
         f"{as_text(grid_map.length)} m around {as_text(grid_map.position)} "

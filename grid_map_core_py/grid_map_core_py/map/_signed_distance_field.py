@@ -238,7 +238,6 @@ class SignedDistanceField:
         return places, cells
 
     def _index(self, cells: _Coordinates) -> NDArray[np.intp]:
-        """Return the flat memory index (N,) of each cell."""
         first, second, third = self._strides
         index = cells[0] * first
         index += cells[1] * second

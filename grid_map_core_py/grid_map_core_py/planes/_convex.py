@@ -63,10 +63,7 @@ def convex_inside(region: PlanarRegion, position: ArrayLike, vertices: int = 16)
 
 
 def _grown(edges: Positions, x: float, y: float) -> Positions:
-    """Return a convex polygon (K, 2) that contains the segment from (0, 0) to (x, y).
-
-    `edges` (4, E) enclose the origin and do not cross the segment. No edge crosses the polygon.
-    """
+    """Return a convex polygon (K, 2) around (0, 0) and (x, y) that no edge crosses."""
     # The nearest points of a segment and an edge include an end of one of them.
     ways = [to_edges(edges, *end) for end in ((0.0, 0.0), (x, y))]
     ways += [to_edges((0.0, 0.0, -x, -y), *-end) for end in edges.reshape(2, 2, -1)]

@@ -15,8 +15,6 @@ from ..files._shared import load_yaml
 
 
 class Section:
-    """Base class of the sections, which checks their values."""
-
     def __post_init__(self) -> None:
         for name, value in vars(self).items():
             if name == "kernelSize":
