@@ -51,7 +51,7 @@ class Axis:
         return self.half - (x - self.center)
 
     def steps(self, x: Coordinate) -> Coordinate:
-        """Return distances from the upper border [cells]; rounding may yield < 0 or `size`."""
+        """Return the distances from the upper border [cells]; rounding may leave the map."""
         steps = x - self.half
         steps -= self.center
         steps /= -self.resolution
