@@ -34,7 +34,7 @@ __all__ = [
 class GridMapError(Exception):
     """Base class of all errors that the grid_map packages raise.
 
-    `str(error)` returns at most 500 characters; `error.whole_text()` returns the whole message.
+    `str(error)` shortens the message to 500 characters. `error.whole_text()` returns all of it.
     """
 
     def __str__(self) -> str:
@@ -96,10 +96,7 @@ _repr.maxstring = _repr.maxlong = _repr.maxother = _LONGEST
 
 
 def short(value: object) -> str:
-    """Format a value as one line of at most 80 characters, for an error message.
-
-    Arrays with more than four elements are described by shape and dtype.
-    """
+    """Format a value as one line of at most 80 characters; long arrays as shape and dtype."""
     shape, dtype = getattr(value, "shape", None), getattr(value, "dtype", None)
     if dtype is not None and isinstance(shape, tuple) and math.prod(shape) > _MOST_ELEMENTS:
         return f"an array of shape {shape} and type {dtype}"
@@ -108,7 +105,7 @@ def short(value: object) -> str:
 
 
 def hint(wrong: object, known: Iterable[str], most: int = 1) -> str:
-    """Return `; did you mean a or b?` with up to `most` similar names, or "" if none is similar."""
+    """Return `; did you mean a or b?` with up to `most` similar names, or "" without any."""
     # A ROS message may contain any number of names, so only the first ones are compared.
     close = difflib.get_close_matches(str(wrong)[:_LONGEST], islice(known, _MOST_NAMES), most)
     return f"; did you mean {' or '.join(close)}?" if close else ""
@@ -120,7 +117,7 @@ def wrong_crs(crs: object) -> ConfigError:
 
 
 def required(module: str, feature: str, remedy: str = "") -> Any:
-    """Import a module, or raise a `MissingPackageError` that names the feature and the remedy."""
+    """Import a module, or raise a `MissingPackageError` that says how to install it."""
     try:
         return import_module(module)
     except ImportError as error:
@@ -129,7 +126,7 @@ def required(module: str, feature: str, remedy: str = "") -> Any:
 
 
 def cut(text: str) -> str:
-    """Shorten a text to at most 500 characters by replacing its middle with ` ... `."""
+    """Replace the middle of a text with ` ... ` if the text exceeds 500 characters."""
     if len(text) <= _LONGEST_TEXT:
         return text
     return f"{text[: _LONGEST_TEXT - _END - 5]} ... {text[-_END:]}"

@@ -43,8 +43,8 @@ class Limits:
 
     Attributes:
         max_cells: largest number of cells (rows times columns) in a map, or of pixels in an image.
-        max_bytes: largest size [bytes] of a map with all its layers, of a message or bag chunk
-            after unpacking, and of an octomap file.
+        max_bytes: largest size [bytes]. It applies to maps with all layers, to unpacked messages
+            and bag chunks, and to octomap files.
         max_ratio: largest ratio of unpacked to packed bytes. Data that unpacks to at most 100 MB
             may have any ratio.
     """
@@ -72,7 +72,8 @@ def set_limits(limits: Limits | None = None, /, **changes: float) -> Limits:
 
     Args:
         limits: new limits; None means the current limits.
-        changes: values of `max_cells`, `max_bytes` or `max_ratio` that replace those in `limits`.
+        changes: new values of `max_cells`, `max_bytes` or `max_ratio`; they replace those in
+            `limits`.
     """
     global _limits
     before = _limits
@@ -91,11 +92,7 @@ def changed_limits(**changes: float) -> Iterator[None]:
 
 
 def check_cells(name: str, size: Sequence[float], layers: int = 0) -> None:
-    """Raise `LimitError` if a map of `size` rows and columns would have too many cells or bytes.
-
-    `name` is the subject of the error message. `layers` is the number of layers to allocate, or 0
-    if the input already contains the layer data.
-    """
+    """Raise `LimitError` if a map, or `layers` layers of it, would be too large."""
     cells = size[0] * size[1]
     if not cells <= current_limits().max_cells:
         rows, columns = (f"{count:.15g}" for count in size)
@@ -105,19 +102,13 @@ def check_cells(name: str, size: Sequence[float], layers: int = 0) -> None:
 
 
 def check_visits(name: str, visits: float) -> None:
-    """Raise `LimitError` if `visits`, the number of visited cells, exceeds `VISITS * max_cells`.
-
-    A cell that lies under several parts, such as faces of a mesh, is visited once for each part.
-    """
+    """Raise `LimitError` if the number of cell visits exceeds `VISITS * max_cells`."""
     if visits > VISITS * current_limits().max_cells:
         _refuse("max_cells", name, f"times {VISITS} cells under all of them", f"{visits:.0f}")
 
 
 def check_bytes(name: str, unpacked: int, packed: float) -> None:
-    """Raise `LimitError` if compressed data exceeds `max_bytes` or `max_ratio` when unpacked.
-
-    `unpacked` and `packed` are sizes [bytes]. `name` is the subject of the error message.
-    """
+    """Raise `LimitError` if the sizes [bytes] of compressed data exceed the limits."""
     if unpacked > current_limits().max_bytes:
         _refuse("max_bytes", name, "bytes", f"{unpacked}")
     if unpacked > max(FREE_BYTES, current_limits().max_ratio * packed):

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Heights and bounds that account for the horizontal uncertainty of cells.
 
-The position of a cell has a normally distributed error, with the cell's `horizontal_variance` along
-each axis. The result for a cell is a mixture of the cell and its neighbors. The weight of a
-neighbor is the probability that the true position of the cell lies in that neighbor.
+The position error of a cell is normally distributed. Its variance along x and along y is the cell's
+`horizontal_variance`. Each neighbor is weighted with the probability that the true position of the
+cell lies in that neighbor.
 """
 
 from __future__ import annotations
@@ -26,20 +26,7 @@ Cells = NDArray[np.float64]
 
 
 def fused(heights: Cells, variances: Cells, horizontal: Cells, resolution: float) -> list[Layer]:
-    """Return the height, variance, upper bound and lower bound of each cell, NaN where unknown.
-
-    The height and the variance are the weighted mean and variance over a cell and its neighbors.
-    The upper bound is the 99 % quantile of the upper bounds of these cells, and the lower bound is
-    the 1 % quantile of their lower bounds. Neighbors are at most four cells away along each axis.
-    Unknown neighbors are ignored.
-
-    Args:
-        heights, variances: heights [m] and their variances [m^2]; unknown heights are NaN.
-        horizontal: horizontal variance of each cell, used along both x and y [m^2].
-
-    Raises:
-        LimitError: the neighbors of all cells would take too much memory.
-    """
+    """Return the layers of `ElevationMapper.fused_map`: height, variance, upper and lower bound."""
     known = ~np.isnan(heights)
     deviations = np.sqrt(np.where(known, horizontal, 0.0)) / resolution
     reach = min(int(np.ceil(_REACH * deviations.max(initial=0.0))), _FARTHEST)
@@ -63,10 +50,7 @@ def fused(heights: Cells, variances: Cells, horizontal: Cells, resolution: float
 def _neighbors(
     heights: Cells, variances: Cells, deviations: Cells, known: NDArray[np.bool_], reach: int
 ) -> Iterator[tuple[Cells, Cells, Cells]]:
-    """Yield the weights, heights and variances (k,) of neighbors of the k known cells.
-
-    Each item is for one offset from a cell to its neighbor. Unknown neighbors have weight 0.
-    """
+    """Yield weights (0 if unknown), heights and variances (k,) of each neighbor of k cells."""
     padded = np.pad(heights, reach, constant_values=np.nan)
     spread = np.pad(variances, reach, constant_values=np.nan)
     # Probability that the position error along an axis rounds to each number of cells.
@@ -87,7 +71,7 @@ def _neighbors(
 
 
 def _quantile(values: Cells, weights: Cells) -> Cells:
-    """Return the weighted `1 - _TAIL` quantile (k,) of each cell's values."""
+    """Return the weighted quantile `1 - _TAIL` (k,) of each column."""
     order = np.argsort(-values, axis=0)
     above = np.cumsum(np.take_along_axis(weights, order, axis=0), axis=0)
     place = np.take_along_axis(order, np.argmax(above > _TAIL, axis=0)[None], axis=0)

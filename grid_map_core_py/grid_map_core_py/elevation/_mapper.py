@@ -49,16 +49,16 @@ class UpdateReport:
     """Summary of one update.
 
     Attributes:
-        points_used: number of points that were fused into the height of a cell.
+        points_used: number of points that contributed to the height of a cell.
         points_dropped: number of points that were ignored.
-        points_gated: number of points on the map that do not agree with the height of their cell.
+        points_gated: number of points on the map that disagree with the height of their cell.
         reasons: number of dropped points for each reason.
         conflicts: number of cells whose previous height the scan contradicts or replaces.
         cells_cleared: number of cells that the visibility cleanup cleared.
-        drift: vertical offset of the scan from the map [m]; 0 without drift compensation, or if
-            the cells do not agree on an offset.
-        milliseconds: duration of each stage [ms]: `points`, `clusters`, `drift`, `fusion`,
-            `visibility`, `values`, `layers`.
+        drift: vertical offset of the scan from the map [m]. It is 0 if drift compensation is
+            disabled, or if too few cells agree on an offset.
+        milliseconds: duration of each stage of the update [ms]: `points`, `clusters`, `drift`,
+            `fusion`, `visibility`, `values`, `layers`.
     """
 
     points_used: int
@@ -72,21 +72,26 @@ class UpdateReport:
 
 
 class ElevationMapper:
-    """Elevation map with variances around a moving robot, built from range sensor scans.
+    """Elevation map around a moving robot, built from range sensor scans.
 
-    The layers are `elevation` [m], `variance` of the elevation [m^2], `time` of the last
-    confirmation [s since the first scan], `upper_bound` and `lower_bound` (99 % confidence) [m],
-    and one layer for each point value. NaN means unknown.
+    The map has the following layers, in which NaN means unknown:
+
+    - `elevation`: height [m].
+    - `variance`: variance of the height [m^2].
+    - `time`: time at which a scan last confirmed the height [s since the first scan].
+    - `upper_bound`, `lower_bound`: 99 % confidence bounds of the height [m].
+    - one layer for each additional point value.
 
     Args:
         geometry: size, resolution and initial position of the map.
         frame_id: frame of the map.
         sensor: noise model of the sensor. `update` can use another model for one scan.
-        value_fusions: fusion method of each point value, by name or regular expression. A method is
-            `average`, `latest`, `exponential`, `max`, `color` or `class_bayesian`. The default is
-            `color` for `rgb`, `rgba` and `color`, and `average` for all other values.
+        value_fusions: fusion method of each point value. A key is the name of a point value, or a
+            regular expression that matches the name. The methods are `average`, `latest`,
+            `exponential`, `max`, `color` and `class_bayesian`. The default is `color` for `rgb`,
+            `rgba` and `color`, and `average` for all others.
         parameters: elevation mapping parameters, such as `min_variance`. The property `parameters`
-            contains all of them.
+            lists all.
 
     Raises:
         ConfigError: a parameter is unknown or invalid.
@@ -162,14 +167,19 @@ class ElevationMapper:
 
         If an error occurs, the map stays unchanged. The order of the points has no effect.
 
-        The map clock restarts at `timestamp` if the time jumps by more than `max_time_jump`, or if
-        scans arrive with earlier timestamps for more than a second. All cells then count as just
-        confirmed. If the time jumps back to 0 by more than `max_time_jump`, the clock does not
-        restart: all points of the scan are dropped. Both cases cause a `RuntimeWarning`.
+        The map clock, which the layer `time` refers to, starts with the first scan. It restarts at
+        `timestamp` in two cases, with a `RuntimeWarning`:
+
+        - `timestamp` differs from the previous timestamp by more than `max_time_jump`.
+        - Scans arrive with earlier timestamps for more than a second.
+
+        After a restart, all known cells count as just confirmed. A timestamp of 0 that is more than
+        `max_time_jump` too early does not restart the clock. Instead, all points of the scan are
+        dropped, and a `RuntimeWarning` is issued.
 
         Args:
-            points: (N, 3) or wider, x, y, z [m], sensor frame. Points that are not finite or lie
-                at the origin are dropped.
+            points: (N, 3 or more) x, y, z [m], sensor frame. Points that are not finite or lie at
+                the origin are dropped.
             transform: (4, 4) transform from the sensor to the map frame.
             timestamp: time of the scan [ns]. If it is earlier than the previous timestamp, the
                 previous timestamp is used.
@@ -178,7 +188,7 @@ class ElevationMapper:
             values: additional point values (N,) by layer name.
             position: (2,) new center of the map [m], set before fusing; None does not move the map.
             sensor: noise model; None uses the model passed to the constructor.
-            limits: parameters whose range and height limits apply to this scan, such as
+            limits: parameters that contain the range and height limits of this scan, such as
                 `dataclasses.replace(mapper.parameters, max_range=5.0)`; None uses `parameters`.
 
         Raises:
@@ -264,10 +274,10 @@ class ElevationMapper:
     def masked_replace(self, grid_map: GridMap, mask_layer: str = "mask") -> None:
         """Replace the cells of this map with the cells of another map where the maps overlap.
 
-        Layers that exist in both maps are replaced. Each cell gets the value, even NaN, of the cell
-        in the other map that contains its center. If the new variance is unknown or too small, it
-        becomes `min_variance`. `time` and the bounds are not copied. The bounds are recomputed, and
-        replaced heights count as confirmed by the last scan.
+        In each layer that both maps have, a cell gets the value of the cell in the other map that
+        contains its center. NaN values are copied too. Variances that are unknown or below
+        `min_variance` become `min_variance`. The bounds and the layer `time` are not copied. The
+        bounds are recomputed, and replaced heights count as confirmed by the last scan.
 
         Args:
             grid_map: the other map, in the same frame.
@@ -309,10 +319,15 @@ class ElevationMapper:
     def fused_map(self) -> GridMap:
         """Return a copy of the map that accounts for the horizontal uncertainty of cells.
 
-        Each known cell becomes a mixture of the cells within its horizontal uncertainty. The layers
-        `elevation` and `variance` hold the mean and variance of the mixture. `upper_bound` is the
-        99 % quantile of the upper bounds of these cells, and `lower_bound` is the 1 % quantile of
-        their lower bounds. Other layers stay unchanged.
+        Each known cell is combined with the cells in which its true position may lie, at most four
+        cells away along each axis. The weight of a cell is the probability that the true position
+        lies in it. Unknown cells are ignored. The results are:
+
+        - `elevation`, `variance`: mean and variance of the weighted cells.
+        - `upper_bound`: 99 % quantile of the upper bounds of these cells.
+        - `lower_bound`: 1 % quantile of the lower bounds of these cells.
+
+        Other layers stay unchanged.
 
         Raises:
             ConfigError: the mapper was created without `horizontal_variances`.
@@ -329,7 +344,7 @@ class ElevationMapper:
     # Stages
 
     def _advance(self, state: State, stamp: int, last: int, jump: float) -> tuple[int, int]:
-        """Age all cells, and return the start of the map clock and the time of the scan [ns]."""
+        """Age all cells. Return the start of the map clock and the scan time [ns]."""
         start = stamp if self._start is None else self._start
         first = stamp if self._late is None else self._late
         self._late = first if stamp < last else None
@@ -415,8 +430,6 @@ class ElevationMapper:
 
 @dataclass
 class _Stages:
-    """Measures the duration of each stage of an update [ms]."""
-
     milliseconds: dict[str, float] = field(default_factory=dict)
 
     @contextmanager

@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Parameters of elevation mapping, and sensor models that predict the variance of heights.
+"""Parameters of elevation mapping, and sensor models that predict the variances of points.
 
-Let S (3, 3) be the covariance of a point in the sensor frame. A model returns the variance
-`axis @ S @ axis` along a unit vector `axis` (3,). For heights, `axis` is the vertical axis of the
-map in the sensor frame: the third row of the rotation from the sensor to the map frame.
+A model returns the variance `axis @ S @ axis` along a unit vector `axis` (3,), where S (3, 3) is
+the covariance of a point in the sensor frame.
 """
 
 from __future__ import annotations
@@ -40,8 +39,8 @@ class Parameters:
         min_support: smallest number of points in a surface cluster, relative to the largest cluster
             in the cell. A smaller cluster becomes the surface only after three scans.
         overhang_clearance: vertical gap [m] above which a cluster counts as an overhang. The cell
-            then keeps the ground height, and the layer `overhang` holds the underside of the
-            overhang. With 0, the cell gets the highest surface.
+            then keeps the ground height, and the layer `overhang` holds the underside. With 0, the
+            cell gets the highest surface.
         max_time_jump: time difference between two scans above which the map clock restarts [s].
         enable_visibility_cleanup: clear cells that beams have passed through.
         max_ray_length: distance from the sensor up to which beams clear cells [m].
@@ -49,12 +48,13 @@ class Parameters:
         enable_drift_compensation: shift the map vertically to match the scans.
         max_drift: largest offset between scan and map that is compensated [m].
         drift_compensation_alpha: share of the offset that each scan corrects, 0 to 1.
-        drift_compensation_variance_inlier: largest variance of cells used for the offset [m^2].
+        drift_compensation_variance_inlier: largest variance of cells that determine the offset
+            [m^2].
         min_drift_cells: number of cells that must agree on the offset.
-        ignore_points_above: largest height of points relative to the sensor [m].
-        ignore_points_below: smallest height of points relative to the sensor [m].
-        min_range: smallest distance of points from the sensor [m].
-        max_range: largest distance of points from the sensor [m].
+        ignore_points_above: height relative to the sensor above which points are ignored [m].
+        ignore_points_below: height relative to the sensor below which points are ignored [m].
+        min_range: points nearer to the sensor are ignored [m].
+        max_range: points farther from the sensor are ignored [m].
         horizontal_variances: add the layer `horizontal_variance`, which `ElevationMapper.fused_map`
             needs.
         exponential_alpha: weight of the last scan in `exponential` fusion, 0 to 1.
@@ -111,7 +111,7 @@ class Parameters:
 
     @property
     def largest_share(self) -> float:
-        """Largest variance [m^2] that relief or the pose may add. This limit keeps cells known."""
+        """Largest variance [m^2] that terrain relief or pose errors may add to a cell."""
         return 0.25 * self.largest_variance
 
 
@@ -139,7 +139,7 @@ class SensorModel(Protocol):
 
 
 class _Model:
-    """Base class of sensor models. Checks that each attribute is finite and has a valid sign."""
+    """Base class of sensor models that validates their attributes."""
 
     max_variance: ClassVar[float] = 0.01
     """Default of `Parameters.max_variance` for this sensor [m^2]."""
@@ -208,9 +208,8 @@ class StructuredLightModel(_Camera):
     """Depth camera with structured light.
 
     The depth z is the coordinate along the optical axis, which is the z axis of the sensor frame.
-    Its standard deviation is `normal_factor_a + normal_factor_b * (z - normal_factor_c)^2 +
-    normal_factor_d * z^normal_factor_e` [m] (Nguyen, Izadi and Lovell, "Modeling Kinect Sensor
-    Noise for Improved 3D Reconstruction and Tracking", 2012).
+    The formula for its standard deviation is from Nguyen, Izadi and Lovell, "Modeling Kinect Sensor
+    Noise for Improved 3D Reconstruction and Tracking", 2012.
 
     Attributes:
         cutoff_min_depth: depth below which points are dropped [m].
@@ -294,7 +293,7 @@ class ConstantModel(_Model):
     """Sensor whose variance in each direction is proportional to the squared distance.
 
     Attributes:
-        sensor_noise_factor: vertical variance at a distance of 1 m [m^2].
+        sensor_noise_factor: variance at a distance of 1 m [m^2].
     """
 
     max_variance = 100.0  # as in elevation_mapping_cupy

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Pose covariances, and the points of a scan that are within all limits."""
+"""Pose covariances, and scan points in the map frame."""
 
 from __future__ import annotations
 
@@ -44,55 +44,37 @@ class Covariance:
     level: NDArray[np.float64]
 
     def of_points(self, x: Any, y: Any) -> Any:
-        """Return the height variance [m^2] of points due to the uncertainty of the pose.
+        """Return the variance [m^2] that pose errors add to the heights of points.
 
-        A rotation by (roll, pitch) about the sensor lifts a point by `roll * y - pitch * x`. The
-        result is the variance of this lift plus the variance of z. The positions `x` and `y` [m]
-        are relative to the sensor, along the axes of the map.
+        A rotation by (roll, pitch) lifts a point by `roll * y - pitch * x`, where `x` and `y` [m]
+        are relative to the sensor, along the map axes.
         """
         (height, _, _), (_, roll, both), (_, _, pitch) = self.matrix.tolist()
         return height + (roll * y * y - 2.0 * both * x * y + pitch * x * x)
 
     def with_height(self, variance: float) -> Covariance:
-        """Return a copy in which z has the given variance [m^2]."""
         matrix = self.matrix.copy()
         matrix[0, 0] = variance
         return replace(self, matrix=matrix)
 
     def of_places(self, x: Any, y: Any) -> Any:
-        """Return the height variance [m^2] of cells due to pose uncertainty.
-
-        Unlike the result of `of_points`, it includes the covariances of z with roll and with pitch.
-        """
+        """Return the variance [m^2] that pose errors and their correlations add to cell heights."""
         _, with_roll, with_pitch = self.matrix[0].tolist()
         return self.of_points(x, y) + 2.0 * (with_roll * y - with_pitch * x)
 
     def level_of_places(self, x: Any, y: Any) -> Any:
-        """Return the horizontal variances [m^2] of cells due to pose uncertainty.
-
-        Each variance is the mean of the variances along x and y. A yaw error moves a cell by
-        `yaw * (-y, x)`.
-        """
+        """Return the horizontal variances [m^2] of cells due to pose errors without tilt."""
         (along_x, _, x_yaw), (_, along_y, y_yaw), (_, _, yaw) = self.level.tolist()
         return 0.5 * (along_x + along_y + yaw * (x * x + y * y)) + y_yaw * x - x_yaw * y
 
     def level_of_points(self, x: Any, y: Any, z: Any) -> Any:
-        """Return the horizontal variances [m^2] of points due to pose uncertainty.
-
-        Unlike the results of `level_of_places`, these variances include tilt errors. A tilt error
-        moves a point horizontally by the tilt angle times `z`, its height above the sensor.
-        """
+        """Return the horizontal variances [m^2] of points due to pose errors and tilt."""
         tilt = 0.5 * float(self.matrix[1, 1] + self.matrix[2, 2])
         return self.level_of_places(x, y) + tilt * z * z
 
 
 def as_covariance(values: ArrayLike | None, name: str = "pose_covariance") -> Covariance | None:
-    """Convert a pose covariance (6, 6) to a `Covariance`. None stays None.
-
-    Raises:
-        GeometryError: the shape is wrong, or the matrix is not symmetric, finite and positive
-            semi-definite.
-    """
+    """Convert a pose covariance (6, 6), or raise `GeometryError`; None stays None."""
     if values is None:
         return None
     matrix: NDArray[np.float64] = as_array(values, np.float64, name)
@@ -114,12 +96,10 @@ def as_covariance(values: ArrayLike | None, name: str = "pose_covariance") -> Co
 
 
 def of_motion(old: Covariance, new: Covariance, dx: float, dy: float) -> Covariance:
-    """Return the covariance that the motion from one pose to the next adds.
+    """Return the covariance that a motion from the pose `old` to the pose `new` adds.
 
-    The covariance `old` of the previous pose is propagated to the new position, and subtracted from
-    `new`. During the motion (`dx`, `dy`) [m] in the map frame, a tilt error lifts the sensor by
-    `roll * dy - pitch * dx`, and a yaw error shifts it by `yaw * (-dy, dx)`. Negative eigenvalues
-    become 0.
+    A motion by (`dx`, `dy`) [m] turns a tilt error into the height error `roll * dy - pitch * dx`,
+    and a yaw error into the horizontal error `yaw * (-dy, dx)`.
     """
     tilt = np.array([[1.0, dy, -dx], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
     turn = np.array([[1.0, 0.0, -dy], [0.0, 1.0, dx], [0.0, 0.0, 1.0]])
@@ -163,15 +143,11 @@ class Scan:
     noise: Covariance | None
 
     def lowered(self, offset: float) -> Scan:
-        """Return a copy of the scan, lowered by `offset` [m]."""
         down = np.array([0.0, 0.0, offset])
         return replace(self, sensor=self.sensor - down, points=self.points - down[:, None])
 
     def variances_by_pose(self, x: Numbers, y: Numbers) -> Numbers:
-        """Return the height variances (k,) [m^2] due to pose uncertainty.
-
-        `x` and `y` (k,) [m] are positions in the map frame.
-        """
+        """Return the height variances [m^2] due to pose errors at `x`, `y` (k,) [m], map frame."""
         if self.noise is None:
             return np.zeros(len(x))
         with np.errstate(over="ignore", invalid="ignore"):
@@ -180,7 +156,7 @@ class Scan:
 
 
 def rotated(points: NDArray[Any], rotation: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Rotate points (n, 3) or wider with a matrix (3, 3), and return x, y, z (3, n)."""
+    """Rotate points (n, 3 or more), and return x, y, z (3, n)."""
     # The rounding of a matrix product would depend on the index of a point.
     x, y, z = (points[:, axis].astype(np.float64) for axis in range(3))
     turned = np.empty((3, len(points)))
@@ -202,7 +178,7 @@ def distances_of(points: NDArray[np.float64]) -> Numbers:
 
 
 def in_map_order(grid_map: GridMap, position: ArrayLike | None) -> GridMap:
-    """Return a copy of a map with start index (0, 0), moved to `position` if it is given."""
+    """Return a copy of a map in map order, moved to `position` unless it is None."""
     result = grid_map.copy()
     if position is not None:
         result.move(position)
@@ -230,11 +206,7 @@ def located(
     geometry: GridGeometry,
     given: Parameters,
 ) -> Scan:
-    """Return the points of a cloud (N, 3) or wider [m] that are finite and within all limits.
-
-    `transform` (4, 4) is the transform from the sensor frame, the frame of the cloud, to the map
-    frame.
-    """
+    """Return the finite points of a cloud (N, 3 or more) [m] that are within all limits."""
     count, kept, dropped = len(cloud), 0, dict[str, int]()
     points, variances = np.empty((3, count)), np.empty(count)
     cells, places = np.empty((2, count), np.int64)
@@ -284,7 +256,7 @@ def _located_part(
     given: Parameters,
     dropped: dict[str, int],
 ) -> tuple[Integers, NDArray[np.float64], Numbers, Integers]:
-    """Return the indices, positions (3, n), variances and cells of points within all limits."""
+    """Return the indices, positions (3, n), variances and cells of the kept points."""
     turned = rotated(cloud, transform[:3, :3])
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
         distances = distances_of(turned)

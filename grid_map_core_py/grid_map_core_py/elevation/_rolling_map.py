@@ -36,10 +36,10 @@ class RollingMap:
             `min` the smallest, and `last` the height from the last cloud with points in the cell.
             `mean` averages all points of all clouds, and adds the layers `variance` (population
             variance [m^2]) and `count` (number of points).
-        reduction: method that reduces the points of one cloud in a cell to one height: `max`,
+        reduction: method that computes the height of a cell from the points of one cloud: `max`,
             `min`, `mean`, `median`, `first` or `last`. With `mean` fusion, it has no effect.
-        max_count: upper limit of the total weight of earlier points in a cell [points], for `mean`
-            fusion. With a limit, the map follows changes in the ground. 0 means no limit.
+        max_count: largest number of earlier points that count in the mean of a cell, for `mean`
+            fusion. A limit lets the map follow changes in the ground. 0 means no limit.
         min_height, max_height: height range [m], map frame; points outside this range are ignored.
 
     Raises:
@@ -104,12 +104,12 @@ class RollingMap:
         Args:
             points: (N, 3) x, y, z [m], sensor frame. Points that are not finite or lie outside the
                 map are ignored.
-            columns: additional point values (N,) by layer name. In these layers, each cell contains
-                the mean value from the last cloud with values in the cell.
+            columns: additional point values (N,) by layer name. A cell gets the mean value of the
+                last cloud that has values in the cell.
             transform: (4, 4) transform from the sensor to the map frame; None if the points are in
                 the map frame.
-            min_range, max_range: smallest and largest distance of points from the sensor [m];
-                other points are ignored.
+            min_range, max_range: smallest and largest distance of points from the sensor [m]; other
+                points are ignored.
             position: (2,) new center of the map [m], set before fusing; None does not move the map.
             timestamp: time of the cloud [ns], which becomes the time of the map.
 
@@ -118,7 +118,7 @@ class RollingMap:
 
         Raises:
             GridMapError: an array or the position is invalid, or a column has the name of a layer
-                that the fusion computes from heights.
+                that the fusion computes.
         """
         cloud, reasons = as_points(points), Counter[str]()
         columns = as_columns(columns, len(cloud))
@@ -176,7 +176,7 @@ def _newer(old: Layer, new: Layer) -> Layer:
 
 
 def _mean(old: _Layers, new: _Layers, max_count: float) -> _Layers:
-    """Return the mean, variance and count of the old and new points combined.
+    """Combine the means, variances and counts of old and new points.
 
     Formulas: Chan, Golub and LeVeque, "Algorithms for Computing the Sample Variance", 1983.
     """

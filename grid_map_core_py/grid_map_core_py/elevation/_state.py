@@ -34,9 +34,7 @@ _OLDEST = 2.0**24
 
 @dataclass
 class Memory:
-    """Unpublished state of the cells.
-
-    Each attribute is an array (cells,). Values that are not set are NaN.
+    """State of the cells that is not part of the map, as arrays (cells,); NaN means not set.
 
     Attributes:
         support: number of points that have ever supported the height.
@@ -64,10 +62,9 @@ class State:
     """Flat layers of a map during an update, column by column in map order.
 
     Attributes:
-        heights, variances, times: (cells,) values of the cells; unknown heights are NaN.
+        heights, variances, times: values (cells,); unknown heights are NaN.
         others: layers of the map by name. The method `layers` recomputes those in `OWN`.
-        memory: unpublished state of the cells.
-        weights: unpublished layers with the weights of point values; see `ValueFusion.fuse`.
+        weights: layers with the weights of point values; see `ValueFusion.fuse`.
     """
 
     heights: Numbers
@@ -79,7 +76,7 @@ class State:
 
     @classmethod
     def of(cls, grid_map: GridMap, hidden: GridMap) -> State:
-        """Create the state from a map in map order. Some layers share memory with the map."""
+        """Create the state from maps in map order. Some layers share memory with the maps."""
         layers, own = (
             {name: flat(data) for name, data in part.items()} for part in (grid_map, hidden)
         )
@@ -101,11 +98,9 @@ class State:
         return dict(zip(HIDDEN, vars(self.memory).values(), strict=True)) | self.weights
 
     def is_stale(self, given: Parameters) -> Mask:
-        """Return a mask (cells,) of the cells that were not confirmed for `scanning_duration`."""
         return self.memory.age >= 1e3 * given.scanning_duration
 
     def confirm(self, cells: Integers | Mask, now: float) -> None:
-        """Record that `cells` were confirmed at time `now` [s]."""
         self.times[cells], self.memory.age[cells] = now, 0.0
 
     def layers(self, parameters: Parameters) -> dict[str, NDArray[np.float32]]:
@@ -124,7 +119,7 @@ class State:
         return layers
 
     def keep_horizontal(self, variances: Numbers, points: Sorted, used: Mask) -> None:
-        """Set the horizontal variance of cells to the mean over their points in the mask `used`."""
+        """Set the horizontal variance of cells to the mean of their `used` points."""
         groups, order = points.groups[used], in_one_order(points, variances)[used]
         counts = np.bincount(groups, minlength=len(points.cells))
         seen = np.flatnonzero(counts)
@@ -139,18 +134,13 @@ def flat(layer: NDArray[Any]) -> NDArray[Any]:
 
 
 def shaped(layers: Mapping[str, NDArray[np.float32]], size: tuple[int, int]) -> dict[str, Layer]:
-    """Return views of flat layers with the shape (rows, cols)."""
     return {name: data.reshape(size, order="F") for name, data in layers.items()}
 
 
 def highest_around(
     values: NDArray[Any], size: Size, radius: int = 1, *, itself: bool = True
 ) -> NDArray[np.float32]:
-    """Return the maximum (cells,) of the values within `radius` cells of each cell.
-
-    NaN values are ignored. The result is -inf if no value remains. If `itself` is False, the cell's
-    own value is excluded.
-    """
+    """Return the maximum (cells,) around each cell, ignoring NaN; -inf if all are NaN."""
     kernel = np.ones((2 * radius + 1, 2 * radius + 1), np.uint8)
     kernel[radius, radius] = itself
     # `cv2.dilate` is ten times as fast for float32 as for float64.
@@ -168,12 +158,14 @@ def at_centers(
     geometry: GridGeometry,
     threshold: float,
 ) -> Numbers:
-    """Return the heights (n,) [m] of `points` (3, n), shifted along the slope to cell centers.
+    """Return the heights (n,) [m] of `points` (3, n), moved along the slope to the cell centers.
 
-    Along each axis, the height differences between a cell and its two neighbors define two slopes.
-    The less steep slope is used. The slope is 0 if the two slopes have opposite signs, or if one
-    height difference is at most `threshold` standard deviations: the cell is then level or next to
-    a step. The slope is also 0 next to unknown cells and map borders.
+    Along each axis, a cell has two slopes, one to each neighbor. The less steep slope is used. The
+    slope is 0 in three cases:
+
+    - The two slopes have opposite signs.
+    - A height difference is at most `threshold` standard deviations.
+    - A neighbor is unknown or outside the map.
     """
     seen = np.zeros(len(heights), np.bool_)
     seen[cells] = True

@@ -4,15 +4,15 @@
 Only points that were fused into the height of their cell contribute values. If a scan replaces the
 height of a cell, the earlier values of the cell are deleted. The fusion methods are:
 
-- `average`: mean over all scans, weighted by the inverse variances of the heights.
-- `latest`: mean over the last scan with points in the cell, with the same weights.
+- `average`: mean over all scans, weighted with the inverse variances of the point heights.
+- `latest`: mean with the same weights, but only over the last scan with points in the cell.
 - `exponential`: `exponential_alpha` times the result of `latest`, plus `1 - exponential_alpha`
   times the old value.
 - `max`: the largest value.
-- `color`: packed colors. Each channel is the mean over the last scan with points in the cell.
-- `class_bayesian`: class probabilities. All layers that match one pattern form a set of classes.
-  The layers contain the means of a Dirichlet distribution, which starts with one count per class.
-  Each point adds its probabilities to the counts.
+- `color`: for packed colors: the mean of each channel over the last scan with points in the cell.
+- `class_bayesian`: class probabilities. Layers that match the same pattern form a set of classes.
+  They contain the mean of a Dirichlet distribution, which starts with one count per class. Each
+  point adds its probabilities to the counts.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ FUSIONS = ("average", "latest", "exponential", "max", "color", "class_bayesian")
 
 @dataclass(frozen=True)
 class Chosen:
-    """Scan points, with masks of the fused points and of the cells they initialized or reset.
+    """Scan points, and masks that select the points and cells for value fusion.
 
     Attributes:
         points: all scan points inside the map.
@@ -52,10 +52,10 @@ class Chosen:
 
 
 class ValueFusion:
-    """Fuses point values into layers; see `ElevationMapper` for the arguments.
+    """Fuses point values into layers.
 
-    Regular expressions in `fusions` match whole names. An exact name takes precedence. Otherwise,
-    the first matching expression is used.
+    An exact name in `fusions` takes precedence over regular expressions, which must match the whole
+    name. The first matching expression is used.
     """
 
     def __init__(self, fusions: Mapping[str, str], exponential_alpha: float) -> None:
@@ -79,12 +79,10 @@ class ValueFusion:
         layers: dict[str, NDArray[np.float32]],
         weights: dict[str, NDArray[np.float32]],
     ) -> None:
-        """Fuse point values into flat layers (cells,), which are updated in place.
+        """Fuse values (n,) of the points on the map into the flat `layers` (cells,), in place.
 
-        Args:
-            values: (n,) values by layer name, for all points on the map in their original order.
-            weights: weights of `average` by layer name, and counts of `class_bayesian` by class
-                pattern; also updated in place.
+        `weights` holds the weights of `average` by layer, and the counts of `class_bayesian` by
+        pattern.
         """
         sets: dict[str, list[str]] = {}
         for name in values:
@@ -160,10 +158,7 @@ class ValueFusion:
 def _forgotten(
     layer: NDArray[Any] | None, fresh: Mask, nothing: float = np.nan
 ) -> NDArray[np.float32]:
-    """Return a copy of `layer` in which NaN cells and the cells in `fresh` are set to `nothing`.
-
-    If `layer` is None, all cells are `nothing`.
-    """
+    """Return a copy of `layer` in which NaN cells and `fresh` cells become `nothing`."""
     if layer is None:
         return np.full(len(fresh), nothing, np.float32)
     copy = layer.copy()

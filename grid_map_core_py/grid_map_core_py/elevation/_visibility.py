@@ -3,29 +3,28 @@
 
 Each beam is traced from the sensor to its point, cell by cell (Amanatides and Woo, "A Fast Voxel
 Traversal Algorithm for Ray Tracing", 1987). The height of a beam in a cell is the largest height of
-the beam within the cell.
+the beam within the cell. The foot of a cell with height h and variance v is the height
+`h - max(3 sqrt(v), RELIEF * resolution)`.
 
-The foot of a cell with height h and variance v is the height `h - max(3 sqrt(v), relief)`, where
-the relief is the resolution times `RELIEF`. If a cell was not confirmed for `scanning_duration`, a
-beam below the foot of the cell clears the cell, with four exceptions:
+A beam below the foot of a cell clears the cell if the cell was not confirmed for
+`scanning_duration`. There are four exceptions:
 
 - The point of the beam is in the cell.
 - This scan has a point in the cell or its 8 neighbors that is higher than the beam, or at most one
-  resolution lower. The beam then passed next to an obstacle that still exists, such as a wall that
-  covers part of the cell.
-- Another cell, at most two cells away, still contains an obstacle, such as a wall: beams along a
-  wall pass between the points of the wall. The other cell contains an obstacle if
-  - no beam crossed it below its foot,
-  - its foot is higher than the beam, or at most one resolution lower, and
-  - its foot is more than one resolution above the lowest height in the 3 x 3 cells around the cell
+  resolution lower. The beam then passed next to an obstacle, such as a wall that covers part of the
+  cell.
+- A cell at most two cells away still contains an obstacle, such as a wall. Beams along a wall pass
+  between the points of the wall. A cell contains an obstacle if all conditions hold:
+  - No beam crossed the cell below its foot.
+  - The foot is higher than the beam, or at most one resolution lower.
+  - The foot is more than one resolution above the lowest height in the 3 x 3 cells around the cell
     to be cleared.
 - The beam grazes the surface: the angle between the beam and the plane through the neighbors is
   less than `cleanup_min_angle`.
 
 Before a beam is traced, its end is raised by three standard deviations of its point. A beam that
-descends into the ground clears no cells behind the place where it enters the ground. The beam
-enters the ground in a cell if it leaves the cell below the feet of all cells in the 3 x 3
-neighborhood that this scan confirmed.
+enters the ground clears no cells behind that place. A beam enters the ground in a cell if it leaves
+the cell below the feet of all cells in the 3 x 3 neighborhood that this scan confirmed.
 """
 
 from __future__ import annotations
@@ -47,8 +46,7 @@ from ._state import State, highest_around
 def entry_heights(scan: Scan, geometry: GridGeometry, order: Integers, chosen: Integers) -> Numbers:
     """Return the heights (k,) [m] at which beams entered the cells of their points.
 
-    `order` (n,) contains the scan indices of the points on the map, and `chosen` (k,) contains
-    indices into `order`.
+    `chosen` (k,) contains indices into `order`, the scan indices of the points on the map.
     """
     chosen = order[chosen]
     rows = geometry.size[0]
@@ -72,11 +70,7 @@ def cleared_cells(
     geometry: GridGeometry,
     given: Parameters,
 ) -> Integers:
-    """Return the indices of the cells that beams show to be free.
-
-    `points` are the scan points on the map. `confirmed` (k,) are the indices of the cells that the
-    scan confirmed.
-    """
+    """Return the indices of the cells that beams show to be free."""
     heights, size, resolution = state.heights, geometry.size, geometry.resolution
     candidates = np.flatnonzero(state.is_stale(given) & ~np.isnan(heights))
     if not len(candidates):
@@ -166,11 +160,7 @@ def _trace_arrays(ways: Any, frame: tuple[float, ...], size: Size, surface: Any)
 
 
 def _normals(heights: Numbers, cells: Integers, size: Size, resolution: float) -> Numbers:
-    """Return the upward unit normals of the surface in `cells`: (3, k) along rows, columns and z.
-
-    The surface is the plane through the neighbors along rows and columns. A neighbor that is
-    unknown or outside the map is replaced with the cell itself.
-    """
+    """Return the upward unit normals (3, k) of the surface in `cells`, as rows, columns and z."""
     here, normals = heights[cells], np.ones((3, len(cells)))
     lines = cells % size[0], cells // size[0]
     for axis, (line, step) in enumerate(zip(lines, (1, size[0]), strict=True)):
@@ -186,7 +176,7 @@ def _normals(heights: Numbers, cells: Integers, size: Size, resolution: float) -
 
 
 def faces(normals: Any, place: Any, x: Any, y: Any, rise: Any, resolution: Any, sine: Any) -> Any:
-    """Return whether the sine of the angle between a beam and a surface is at least `sine`."""
+    """Return whether a beam meets a surface at an angle whose sine is at least `sine`."""
     x, y = x * resolution, y * resolution
     across = x * normals[place] + y * normals[place + 1] + rise * normals[place + 2]
     return abs(across) >= sine * np.sqrt(x * x + y * y + rise * rise)
@@ -207,7 +197,7 @@ def direction(x: Any, y: Any) -> Any:
 
 
 def ring_width(frame: Any, size: Any) -> Any:
-    """Return the ring width [cells] at which `RINGS` rings cover all cells that beams can clear."""
+    """Return the width [cells] of rings that together cover all cells a beam can clear."""
     x = max(abs(frame[0]), abs(size[0] - frame[0]))
     y = max(abs(frame[1]), abs(size[1] - frame[1]))
     return min(np.sqrt(x * x + y * y), frame[5] / frame[3]) * 1.001 / RINGS + 0.1
@@ -215,7 +205,7 @@ def ring_width(frame: Any, size: Any) -> Any:
 
 @loop("int64*", "float64*", "int64", ("float64", 6), ("int64", 2), "float64*")
 def cover(cells: Any, lowest: Any, count: Any, frame: Any, size: Any, table: Any) -> None:
-    """Set each bin of the polar grid `table` to the maximum of `lowest` over overlapping cells."""
+    """Set each bin of the polar grid `table` to the maximum of `lowest` over its cells."""
     width = ring_width(frame, size)
     for i in range(count):
         x = cells[i] % size[0] + 0.5 - frame[0]
@@ -239,7 +229,7 @@ def cover(cells: Any, lowest: Any, count: Any, frame: Any, size: Any, table: Any
 
 
 def within(start: Any, way: Any, size: Any, first: Any, last: Any) -> Any:
-    """Clip a range of the beam parameter (0: sensor, 1: point) to the map, along one axis."""
+    """Clip the beam parameter range (0: sensor, 1: point) to the map, along one axis."""
     if way == 0.0:
         return first, (last if 0.0 <= start <= size else -1.0)
     one, other = -start / way, (size - start) / way
@@ -301,7 +291,7 @@ def trace(ways: Any, count: Any, frame: Any, size: Any, table: Any, surface: Any
 
 
 def follow(way: Any, span: Any, frame: Any, size: Any, surface: Any) -> None:
-    """Trace one beam along `way`, within the range `span` of the beam parameter; see `trace`."""
+    """Trace one beam within the range `span` of its parameter; see `trace`."""
     ceilings, places, floors, normals, guards, proofs, crossed = surface
     x, y, rise = way
     t, last = span
@@ -333,10 +323,7 @@ def follow(way: Any, span: Any, frame: Any, size: Any, surface: Any) -> None:
 
 
 def first_line(start: Any, way: Any, t: Any, size: Any) -> Any:
-    """Return a beam's first row, the beam parameter at the end of this row, and the step per row.
-
-    The same applies to columns.
-    """
+    """Return a beam's first row or column, the beam parameter at its end, and the step per line."""
     row = min(max(np.int64(np.floor(start + t * way)), 0), size - 1)
     if way == 0.0:
         return row, np.inf, np.inf

@@ -114,17 +114,19 @@ def load_cloud(
 ) -> GridMap:
     """Load a point cloud or a mesh, and return a map that covers it.
 
+    `reduction`, `min_height`, `max_height` and `tight` are allowed for points only.
+
     Args:
         path: a PCD, PLY, OBJ or STL file.
         layers: names of the layers to create from the point heights and fields; None means all.
         resolution: side of a cell [m]; required.
         kind: "points" or "mesh"; None means "mesh" if the file has faces, else "points".
         height_layer: name of the height layer.
-        reduction: method that reduces the point heights in a cell to one height, such as "max";
-            see `rasterize`.
+        reduction: method that computes the height of a cell from its points, such as "max"; see
+            `rasterize`.
         min_height, max_height: height range [m]; other points are ignored.
-        tight: for points only. True centers the map on the points. False aligns the borders of the
-            map with multiples of the resolution.
+        tight: if True, center the map on the points; if False, align the borders of the map with
+            multiples of the resolution.
         frame_id: frame of the map.
     """
     mesh = None if kind == "points" else _mesh(path, required=kind == "mesh")
@@ -163,7 +165,6 @@ def load_cloud(
 
 
 def describe_cloud(path: str | PathLike[str]) -> dict[str, Any]:
-    """Return the point and face counts, the fields and the extent of a cloud or mesh file."""
     mesh = _mesh(path, required=False)
     points, fields = load_points(path)
     lower, upper = _extent(path, points)
@@ -220,7 +221,7 @@ def _read_meshes(file: Path) -> list[Any]:
 
 
 def _check_complete(mesh: Any) -> None:
-    """Raise ValueError if a text PLY is truncated, a face is invalid, or x, y or z is missing."""
+    """Raise ValueError if vertices, faces or coordinates are missing or invalid."""
     vertices, faces = np.asarray(mesh.vertices), np.asarray(getattr(mesh, "faces", ()))
     if vertices.ndim != 2 or vertices.shape[1] != 3:
         raise ValueError(f"expected x, y, z of every vertex, got an array {vertices.shape}")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Registry of file formats, and the functions `load` and `save`, which choose a format."""
+"""Registry of file formats, and the functions `load` and `save`."""
 
 import inspect
 import warnings
@@ -36,7 +36,7 @@ class MapRecord(Protocol):
 
 @dataclass(frozen=True, kw_only=True)
 class Format:
-    """A file format, with functions that recognize, read and write files.
+    """File format with functions that recognize, read and write files.
 
     The options of a format are the keyword parameters of its functions.
 
@@ -45,19 +45,20 @@ class Format:
         description: short description for tables and messages.
         endings: file extensions, in lower case, such as ".npz".
         reads: `reads(path)` returns whether the format can read the path. Formats of folders need
-            this function. It can also tell formats with the same extension apart. If None, the
+            this function. It can also distinguish formats with the same extension. If None, the
             extension decides.
         writes: `writes(path)` returns whether the format can write to the path. If None, the
             extension decides.
         load: `load(path, layers=None, **options)` returns one map; None if reading is unsupported.
         save: `save(grid_map, path, **options)` writes one map; None if writing is unsupported.
-        describe: `describe(path, **options)` quickly returns the file metadata as JSON values. The
-            key "map" contains the metadata of the map. If None, the map is loaded instead.
-        open_maps: for formats with several maps per file. `open_maps(path, **options)` accepts the
-            options of `load` except `layers` and `index`. It returns a context manager that yields
-            a sequence of `MapRecord` with an attribute `topic`.
+        describe: `describe(path, **options)` returns the file metadata as JSON values, with the
+            metadata of the map under the key "map". If None, the map is loaded to describe it.
+        open_maps: for formats with several maps per file. `open_maps(path, **options)` returns a
+            context manager, which yields a sequence of `MapRecord` with the additional attribute
+            `topic`. The options are those of `load` except `layers` and `index`.
         save_maps: for formats with several maps per file. `save_maps(path, maps, **options)` writes
-            all maps and returns their number; `maps` yields pairs (time [ns] or None, map).
+            all maps and returns their number. `maps` yields pairs (time, map); the time [ns] may be
+            None.
         save_all: for formats that also store other messages, such as the clouds and poses of a bag.
             `save_all(source, path, **options)` copies all messages of the file `source` to `path`,
             and returns their number.
@@ -77,7 +78,6 @@ class Format:
 
 
 def options_of(function: Callable[..., object] | None, given: int = 1) -> tuple[str, ...]:
-    """Return the names of a function's parameters, except the first `given` ones."""
     return () if function is None else tuple(inspect.signature(function).parameters)[given:]
 
 
@@ -127,7 +127,7 @@ def save(
         path: the file or folder.
         format: name of the format; None selects the format by the file name.
         options: options of the format, such as `compress` (.npz, GeoTIFF), `bits` (images), `mode`
-            (nav2's map_server), `topic` (bags).
+            (Nav2's map_server), `topic` (bags).
 
     Raises:
         MissingPackageError: a package that the format needs is not installed.
@@ -141,9 +141,9 @@ def save(
 def formats() -> dict[str, Format]:
     """Return all formats by name: first built-in formats, then formats from entry points.
 
-    An entry point in the group `grid_map_core_py.formats` adds a format. The entry point has the
-    name of the format, and its value refers to a `Format`. If a format fails to load, it is
-    skipped, and a warning is issued.
+    A package adds a format with an entry point in the group `grid_map_core_py.formats`. The name of
+    the entry point is the name of the format, and its value refers to a `Format`. A format that
+    fails to load is skipped with a warning.
     """
     known = {one.name: one for one in _BUILT_IN}
     # Formats of this package come first, because the bag format accepts any folder.
@@ -163,10 +163,7 @@ def formats() -> dict[str, Format]:
 def find_format(
     path: Path, options: Iterable[str] = (), *, name: str | None = None, writes: bool = False
 ) -> Format:
-    """Return the first format that reads (or with `writes`, writes) a path and accepts all options.
-
-    `options` contains the names of the options. `name` selects the format regardless of the path.
-    """
+    """Return the first format that can read or write a path and accepts all options."""
 
     def fits(one: Format) -> bool:
         test = one.writes if writes else one.reads

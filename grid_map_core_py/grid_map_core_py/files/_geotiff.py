@@ -3,7 +3,7 @@
 
 The description of a band is the name of its layer. NaN means no data. Raster rows run towards -y
 and columns towards +x. A tag stores the frame, time and basic layers. The geotransform defines the
-position, so a raster that another program has cropped is loaded correctly.
+position, so rasters that another program cropped have the correct position.
 """
 
 import json
@@ -41,7 +41,7 @@ def save_geotiff(
 ) -> None:
     """Write a map to a GeoTIFF file.
 
-    The file is built in memory and written atomically. An existing file is replaced.
+    The file is written atomically. An existing file is replaced.
 
     Args:
         grid_map: the map; it is stored in map order.
@@ -71,7 +71,7 @@ def load_geotiff(path: str | PathLike[str], layers: Iterable[str] | None = None)
 
     If the only band is unnamed, it becomes the layer `elevation`. If there are several bands,
     unnamed bands become the layers `band_1`, `band_2` and so on. Masked pixels become NaN. Band
-    scales and offsets are applied. The function warns if the coordinates are not in meters.
+    scales and offsets are applied. If the coordinates are not in meters, a warning is issued.
 
     Args:
         path: the file, or a GDAL virtual file, such as `/vsicurl/https://...`.
@@ -86,7 +86,6 @@ def load_geotiff(path: str | PathLike[str], layers: Iterable[str] | None = None)
 
 
 def describe_geotiff(path: str | PathLike[str]) -> dict[str, Any]:
-    """Return {"map": metadata} for a GeoTIFF file. Errors are the same as in `load_geotiff`."""
     with _opened(path) as stored:
         return {"map": stored.facts()}
 
@@ -118,13 +117,12 @@ def gdal(path: str | PathLike[str], **options: Any) -> Any:
 
 
 def open_raster(path: str | PathLike[str], overview: int | None = None) -> Any:
-    """Open a file with rasterio. `overview` 0 is the most detailed; None means full resolution."""
+    """Open a file with rasterio. `overview` 0 has the most detail; None means full resolution."""
     level = {} if overview is None else {"overview_level": overview}
     return import_module("rasterio").open(os.fspath(path), **level)
 
 
 def stored_map(raster: Any, path: str | PathLike[str], geometry: GridGeometry) -> StoredMap:
-    """Return the map in an open raster, with layers that are read on demand."""
     tags = _tags_of(raster)
     names: list[str] = []
     for number, name in enumerate(raster.descriptions, 1):
@@ -150,10 +148,7 @@ def stored_map(raster: Any, path: str | PathLike[str], geometry: GridGeometry) -
 
 
 def origin_of(raster: Any, path: str | PathLike[str]) -> tuple[float, float] | None:
-    """Return the frame origin stored in a raster, in coordinates of the reference system [m].
-
-    If no origin is stored, or if the raster was reprojected afterwards, the result is None.
-    """
+    """Return the frame origin in the reference system [m]; None if unknown or reprojected."""
     tags = _tags_of(raster)
     if "origin" not in tags:
         return None
@@ -181,10 +176,7 @@ def unit_of(raster: Any) -> str:
 
 
 def geometry_of(raster: Any, path: str | PathLike[str]) -> GridGeometry:
-    """Return the grid geometry of an opened raster.
-
-    Raises `ValueError` unless the raster is georeferenced, and has square pixels and north up.
-    """
+    """Return the geometry of a raster, or raise `ValueError` if a map cannot represent it."""
     step = raster.transform
     if step.is_identity:
         raise ValueError(
@@ -240,7 +232,7 @@ def read_pixels(
 
 
 def _warn_of_fill(raster: Any, values: Layer) -> None:
-    """Warn if many pixels share an extreme value, which is probably an undeclared nodata value."""
+    """Warn if many pixels share an extreme value, probably an undeclared nodata value."""
     for fill in map(float, (values.min(initial=0.0), values.max(initial=0.0))):
         # Common nodata values are at least 999 away from 0.
         others = values[values != fill].astype(np.float64) if abs(fill) > 900.0 else values[:0]
@@ -252,7 +244,7 @@ def _warn_of_fill(raster: Any, values: Layer) -> None:
 
 
 def checked_crs(crs: Any) -> str:
-    """Return a reference system as text, or raise `ConfigError` if rasterio rejects it."""
+    """Return a reference system as text, or raise `ConfigError` if it is invalid."""
     if text := as_crs(crs):
         rasterio = required("rasterio", "crs")
         try:
@@ -264,7 +256,6 @@ def checked_crs(crs: Any) -> str:
 
 
 def raster_profile(described: Any, layers: int, *, compress: bool) -> dict[str, Any]:
-    """Return the rasterio options for a north-up raster of a map with `layers` bands."""
     geometry, step = described.geometry, described.resolution
     west, north = geometry.position + described.origin + [-0.5, 0.5] * geometry.length
     profile = {
@@ -284,10 +275,7 @@ def raster_profile(described: Any, layers: int, *, compress: bool) -> dict[str, 
 
 
 def describe_raster(raster: Any, described: Any, layers: Sequence[str]) -> None:
-    """Write layer names and the metadata of a map or tiled map to an open raster.
-
-    If the frame and the reference system have different origins, `crs` and `origin` [m] are stored.
-    """
+    """Write layer names and the metadata of a map or tiled map to an open raster."""
     facts = {
         "frame_id": described.frame_id,
         "timestamp": described.timestamp,

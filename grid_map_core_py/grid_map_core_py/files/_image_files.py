@@ -52,7 +52,7 @@ def load_height_image(
     """Load a gray image as a map with one height layer.
 
     Pixels that are more than half transparent become NaN. NaN in a floating-point image stays NaN.
-    Colors are converted to gray (luma).
+    Color images are converted to gray (luma).
 
     Args:
         path: a PNG, TIFF, BMP or PGM file with uint8, uint16, float32 or float64 pixels.
@@ -100,8 +100,8 @@ def save_height_image(
 ) -> None:
     """Write one layer as a height image.
 
-    The file is written atomically. An existing file is replaced. NaN becomes transparent,
-    or stays NaN in a float32 image.
+    The file is written atomically. An existing file is replaced. NaN becomes transparent; in a
+    float32 image, it stays NaN.
 
     Args:
         grid_map: the map; it is stored in map order.
@@ -136,7 +136,7 @@ def save_height_image(
 
 
 def chosen_layer(grid_map: GridMap, layer: str | None, usual: str) -> str:
-    """Return `layer` if given, otherwise `usual` if the map has it, otherwise the only layer."""
+    """Return `layer`, or if it is None, `usual` if the map has it, else the only layer."""
     if layer is None and usual not in grid_map and len(grid_map.layers) == 1:
         return grid_map.layers[0]
     name = usual if layer is None else layer
@@ -151,12 +151,10 @@ def to_north_up(image: Image) -> Image:
 
 
 def from_north_up(image: Image) -> Image:
-    """Rotate an image with +y up and +x right to map order. Inverse of `to_north_up`."""
     return image[:, ::-1].swapaxes(0, 1)
 
 
 def encode_image(image: Image, ending: str) -> bytes:
-    """Encode an image in the format of files with the ending `ending`, such as ".png"."""
     done, data = cv2.imencode(ending, np.ascontiguousarray(image))
     if not done:
         raise ValueError(f"OpenCV cannot encode this image as {ending}")
@@ -164,18 +162,13 @@ def encode_image(image: Image, ending: str) -> bytes:
 
 
 def write_image(file: Path, image: Image) -> None:
-    """Write an image file atomically."""
     data = encode_image(image, file.suffix.lower())
     with new_file(file) as temporary:
         temporary.write_bytes(data)
 
 
 def read_image(file: Path) -> Image:
-    """Read the gray (rows, cols) or BGR(A) (rows, cols, 3 or 4) pixels of an image file.
-
-    Raises `OSError` or `ValueError` if the file cannot be read, and `LimitError` if the image has
-    too many pixels.
-    """
+    """Read the gray (rows, cols) or BGR(A) (rows, cols, 3 or 4) pixels of an image file."""
     data = file.read_bytes()
     with suppress(struct.error):
         check_cells(f"{file}: image", _claimed_size(data))
@@ -193,7 +186,7 @@ def read_image(file: Path) -> Image:
 
 
 def _claimed_size(data: bytes) -> tuple[int, int]:
-    """Return the rows and columns in a PNG, BMP, PNM or TIFF header, or (0, 0) if not found."""
+    """Return the rows and columns in an image header, or (0, 0) if they are not found."""
     if data.startswith(b"\x89PNG"):
         columns, rows = struct.unpack_from(">II", data, 16)
         return rows, columns

@@ -1,19 +1,19 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Occupancy maps of Nav2's `map_server`: a YAML file, and an image in the same folder.
 
-The YAML file selects one of three modes, which convert pixels to occupancy. Let `shade` be the
-mean of the color channels, from 0 (black) to 1 (white). Let `occ` be `1 - shade`, or `shade` if
-`negate` is set. In each mode, the occupancy is:
+The YAML file selects one of three modes that convert pixels to occupancy, from 0 (free) to 100
+(occupied). Let `shade` be the mean of the color channels, from 0 (black) to 1 (white). Let `occ` be
+`1 - shade`, or `shade` if `negate` is set. In each mode, the occupancy is:
 
 - `trinary`: 100 if `occ` is above `occupied_thresh`, 0 if `occ` is below `free_thresh`, otherwise
   unknown. An alpha channel counts as a fourth color channel.
-- `scale`: as `trinary`, but between the two thresholds, the occupancy rises linearly from 0 to 100.
-  The result is computed in float32 and rounded (ties up), as in Nav2. Pixels that are not opaque
-  are unknown.
+- `scale`: as `trinary`, but the occupancy rises linearly from 0 to 100 between the two thresholds.
+  It is computed in float32 and rounded (ties up), as in Nav2. Pixels that are not opaque are
+  unknown.
 - `raw`: the 8-bit pixel value if it is at most 100, otherwise unknown. `negate` has no effect.
 
-In the map, occupancy ranges from 0 to 100. Unknown cells are NaN.
-Source: documentation and behavior of `nav2_map_server` in ROS 2 Jazzy.
+Unknown cells are NaN in the map. Source: documentation and behavior of `nav2_map_server` in ROS 2
+Jazzy.
 """
 
 import math
@@ -56,7 +56,7 @@ def load_map_server(
     occupancy_layer: str = LAYER,
     frame_id: str = "map",
 ) -> GridMap:
-    """Load an occupancy map in the format of nav2's `map_server`.
+    """Load an occupancy map in the format of Nav2's `map_server`.
 
     Args:
         path: the YAML file, or a folder that contains `map.yaml`.
@@ -66,8 +66,8 @@ def load_map_server(
 
     Raises:
         LayerNotFoundError: `layers` contains a name other than `occupancy_layer`.
-        GridMapError: a file is missing or damaged, a key of the YAML file is missing or invalid,
-            or the map is rotated (yaw in `origin`).
+        GridMapError: a file is missing or damaged, a key of the YAML file is missing or invalid, or
+            the map is rotated (the yaw in `origin` is not 0).
     """
     file = Path(path)
     file = file / "map.yaml" if file.is_dir() else file
@@ -103,11 +103,11 @@ def save_map_server(
     data_min: float | None = None,
     data_max: float | None = None,
 ) -> None:
-    """Write a layer as an occupancy map in the format of nav2's `map_server`.
+    """Write a layer as an occupancy map in the format of Nav2's `map_server`.
 
     The image is written to the folder of the YAML file. The image format is PNG with alpha in
-    `scale` mode, and PGM in the other modes. The YAML file is replaced last, so an existing map
-    stays intact until the end.
+    `scale` mode, and PGM in the other modes. An existing map stays intact until the new YAML file
+    replaces the old one.
 
     Args:
         grid_map: the map; it is stored in map order.
@@ -115,8 +115,8 @@ def save_map_server(
         layer: name of the layer; None means `occupancy` if it exists, else the only layer. Without
             `data_min` and `data_max`, the values must be whole numbers from 0 (free) to 100
             (occupied), or NaN or -1 (unknown).
-        mode: `trinary` distinguishes only occupied, free and unknown cells; `scale` and `raw`
-            keep the occupancy values.
+        mode: `trinary` distinguishes only occupied, free and unknown cells; `scale` and `raw` keep
+            the occupancy values.
         negate: if True, white means occupied. This has no effect in `raw` mode.
         occupied_thresh, free_thresh: thresholds for occupied and free cells, 0 to 1. None means
             0.65 and 0.196, or 1 and 0 in `scale` mode. If the thresholds are at least 0.4 apart,
@@ -126,8 +126,8 @@ def save_map_server(
             other values are clamped. If these arguments are given, only NaN means unknown.
 
     Raises:
-        GridMapError: an option is invalid, a file cannot be written, or a value is not an occupancy
-            and `data_min` and `data_max` are not given.
+        GridMapError: an option is invalid, a file cannot be written, or a value is not a valid
+            occupancy.
     """
     file = Path(path)
     check_ending(file, ".yaml", ".yml")

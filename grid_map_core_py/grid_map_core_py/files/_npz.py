@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Stores complete maps in `.npz` files.
 
-NumPy can read these files: `np.load("map.npz")["layers/elevation"]` is a layer in map order, and
-the entry `metadata` is a JSON string with all other attributes.
+NumPy can read these files: `np.load("map.npz")["layers/elevation"]` is a layer in map order. The
+entry `metadata` is a JSON string with all other attributes.
 """
 
 import json
@@ -78,7 +78,6 @@ def load_npz(path: str | PathLike[str], layers: Iterable[str] | None = None) -> 
 
 
 def describe_npz(path: str | PathLike[str]) -> dict[str, Any]:
-    """Return {"map": metadata} for the map in a file, without reading a layer."""
     with _opened(path) as stored:
         return {"map": stored.facts()}
 

@@ -32,7 +32,7 @@ _KNOWN = (
 
 
 def check_ending(path: str | PathLike[str], *own: str) -> None:
-    """Raise `GridMapError` if the ending of a path is known, but not in `own`."""
+    """Raise `GridMapError` if a path has the extension of another known format."""
     ending = Path(path).suffix.lower()
     if ending in _KNOWN and ending not in own:
         raise GridMapError(f"{path}: expected a name that ends in {' or '.join(own)}, got {ending}")
@@ -40,10 +40,7 @@ def check_ending(path: str | PathLike[str], *own: str) -> None:
 
 @contextmanager
 def storage_errors(file: Path, doing: str) -> Iterator[None]:
-    """Replace errors from reading or writing a file with a `GridMapError` that names the file.
-
-    `doing` is "read" or "written", for the error message.
-    """
+    """Convert errors that occur when a file is read or written to `GridMapError`."""
     try:
         yield
     except (LayerNotFoundError, MissingPackageError):
@@ -63,7 +60,7 @@ def storage_errors(file: Path, doing: str) -> Iterator[None]:
 
 
 def similar(file: Path) -> str:
-    """Return a hint that names a file similar to the missing `file`, or "" if there is none."""
+    """Return a hint that names a file similar to the missing `file`, or "" without any."""
     known = [] if file.exists() or not file.parent.is_dir() else file.parent.iterdir()
     # Names that have only the ending in common are not similar.
     names = (one.name for one in known if errors.hint(one.stem, [file.stem]))
@@ -81,19 +78,18 @@ def naming(path: str | PathLike[str]) -> Iterator[None]:
 
 
 def package_for(path: str | PathLike[str], kind: str, name: str) -> Any:
-    """Import the package `name`, or raise an error that says how to install it."""
     return errors.required(name, f"{path}: {kind}")
 
 
 def say_crs_is_lost(grid_map: GridMap, kind: str, stacklevel: int = 3) -> None:
-    """Warn that a file or message cannot store the reference system of a map, if it has one."""
+    """Warn if a file or message cannot store the reference system of a map."""
     if grid_map.crs:
         text = f"crs: {kind} cannot hold the coordinate reference system of the map; it is lost. "
         warnings.warn(f"{text}A GeoTIFF, Zarr or .npz file keeps it", stacklevel=stacklevel)
 
 
 def map_facts(grid_map: GridMap) -> dict[str, Any]:
-    """Return all attributes of a map except the layer values, in types that JSON supports."""
+    """Return all attributes of a map except the layer values, as JSON values."""
     crs = grid_map.crs
     with suppress(Exception):  # pyproj is missing, or `crs` is invalid
         crs = ":".join(import_module("pyproj").CRS.from_user_input(crs).to_authority() or [crs])
@@ -125,7 +121,6 @@ class StoredMap:
     file: Path
 
     def load(self, layers: Iterable[str] | None) -> GridMap:
-        """Return the map with the named layers; None means all."""
         wanted, size = select_layers(self.layers, layers), self.empty.size
         check_cells(f"{self.file}: map", size, len(wanted))
         grid_map = self.empty.with_layers(dict(zip(wanted, self.read(wanted), strict=True)))
@@ -133,7 +128,6 @@ class StoredMap:
         return grid_map
 
     def facts(self) -> dict[str, Any]:
-        """Return the result of `map_facts` for the whole map, without reading a layer."""
         names = {"layers": [*self.layers], "basic_layers": [*self.basic_layers]}
         return map_facts(self.empty) | names
 
@@ -143,7 +137,7 @@ class StoredMap:
 
 @contextmanager
 def new_file(path: str | PathLike[str]) -> Iterator[Path]:
-    """Yield a temporary path. On success, the file at this path replaces the file at `path`."""
+    """Yield a temporary path whose file replaces the file at `path` on success."""
     with _beside(path) as (temporary, target):
         yield temporary
         _sync(temporary)
@@ -152,10 +146,9 @@ def new_file(path: str | PathLike[str]) -> Iterator[Path]:
 
 @contextmanager
 def new_folder(path: str | PathLike[str], check_old: Callable[[Path], object]) -> Iterator[Path]:
-    """Yield an empty temporary folder. On success, this folder replaces the folder at `path`.
+    """Yield an empty temporary folder that replaces the folder at `path` on success.
 
-    `check_old` raises an error if the existing file or folder must not be replaced. It is called
-    before anything is written, and again before the replacement.
+    `check_old` raises an error if the existing file or folder must not be replaced.
     """
     with _beside(path) as (temporary, target):
         if target.exists():
@@ -170,7 +163,7 @@ def new_folder(path: str | PathLike[str], check_old: Callable[[Path], object]) -
 
 
 def replace_folder(temporary: Path, target: Path) -> None:
-    """Rename `temporary` to `target`. An existing folder is removed, or restored after an error."""
+    """Replace the folder `target` with `temporary`, or restore it after an error."""
     if not target.exists():
         temporary.rename(target)
         return
@@ -186,7 +179,7 @@ def replace_folder(temporary: Path, target: Path) -> None:
 
 @contextmanager
 def _beside(path: str | PathLike[str]) -> Iterator[tuple[Path, Path]]:
-    """Yield a temporary path in the folder of `path`, and `path` with symbolic links resolved."""
+    """Yield a temporary path in the folder of `path`, and `path` with resolved links."""
     target = Path(path).resolve()
     if not target.parent.is_dir():
         raise FileNotFoundError(2, f"there is no folder {Path(path).parent}", str(path))
@@ -202,7 +195,6 @@ def _beside(path: str | PathLike[str]) -> Iterator[tuple[Path, Path]]:
 
 
 def _sync(path: Path) -> None:
-    """Flush a file or the entries of a folder to disk."""
     number = os.open(path, os.O_RDONLY)
     try:
         os.fsync(number)
@@ -217,7 +209,7 @@ class _Loader(yaml.SafeLoader):
     """YAML loader that reads `1e-3` as a number and rejects duplicate keys."""
 
     def flatten_mapping(self, node: Any) -> None:
-        """Check a mapping for duplicate keys before merge keys (`<<`) are expanded."""
+        """Check for duplicate keys before merge keys (`<<`) are expanded."""
         if not hasattr(node, "checked"):
             node.checked, known = True, set()
             for key, _ in node.value:
@@ -236,10 +228,7 @@ _Loader.add_implicit_resolver(
 
 
 def load_yaml(path: str | PathLike[str]) -> Any:
-    """Read a YAML file.
-
-    As in ROS, `1e-3` is a number. Duplicate keys raise `GridMapError`.
-    """
+    """Read a YAML file in which `1e-3` is a number, as in ROS, and keys are unique."""
     try:
         text = Path(path).read_bytes()
     except OSError as error:
@@ -249,7 +238,7 @@ def load_yaml(path: str | PathLike[str]) -> Any:
 
 
 def parse_yaml(text: str | bytes, name: object) -> Any:
-    """Parse a YAML text, in which keys must not repeat. Errors begin with `name`."""
+    """Parse a YAML text. Error messages begin with `name`."""
     try:
         return yaml.load(text, _Loader)
     # A value that does not match its tag, such as `!!int x`, may cause an error of any class.

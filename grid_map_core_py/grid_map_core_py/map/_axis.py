@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Conversion between coordinates and cells along x or y.
 
-Cells are counted from the border with the largest coordinate, for any start index.
+Cells are counted from the border with the largest coordinate, whatever the start index is.
 """
 
 from __future__ import annotations
@@ -22,18 +22,9 @@ BORDER_TOLERANCE = 1e-9
 
 
 class Axis:
-    """Cells of a grid along x or y.
+    """Cells of a grid along x or y. Lengths and coordinates are in meters.
 
-    The attributes are Python numbers. In an axis from `both_axes`, all attributes except
-    `resolution` are arrays.
-
-    Attributes:
-        size: number of cells.
-        resolution: side of a cell [m].
-        center: coordinate of the center of the map [m].
-        length: side of the map [m].
-        half: half of `length` [m].
-        first: coordinate of the center of cell 0 [m].
+    In an axis from `both_axes`, all attributes except `resolution` are arrays.
     """
 
     __slots__ = ("center", "first", "half", "length", "resolution", "size")
@@ -44,12 +35,12 @@ class Axis:
         self.center = center
         self.length = size * resolution
         self.half = 0.5 * self.length
-        self.first = center + 0.5 * (self.length - resolution)
+        self.first = center + 0.5 * (self.length - resolution)  # center of cell 0
 
     def contains(self, x: Coordinate) -> bool | Mask:
-        """Return whether coordinates are on the map. The result is False for NaN.
+        """Return whether coordinates are on the map, False for NaN.
 
-        The upper border, with the larger coordinate, belongs to the map; the lower border does not.
+        The border with the larger coordinate belongs to the map, and the other border does not.
         Coordinates near a border are rounded as in the C++ library.
         """
         offset = self.offset(x)
@@ -60,11 +51,7 @@ class Axis:
         return self.half - (x - self.center)
 
     def steps(self, x: Coordinate) -> Coordinate:
-        """Return the fractional distances from the upper border [cells].
-
-        As in the C++ library, rounding errors are possible: for a coordinate on the map, the result
-        may be slightly below 0, or equal to `size`.
-        """
+        """Return the distances from the upper border [cells]; rounding may leave the map."""
         steps = x - self.half
         steps -= self.center
         steps /= -self.resolution
@@ -93,7 +80,6 @@ class Axis:
         return self.first - self.resolution * cell
 
     def centers(self, first: int, stop: int) -> Positions:
-        """Return the centers [m] of the cells from `first` to `stop` - 1."""
         # A range of floats saves the conversion from integers.
         return self.center_of(np.arange(first, stop, dtype=np.float64))
 
@@ -103,15 +89,14 @@ class Axis:
         """Return the interval between cell centers that contains each coordinate.
 
         Args:
-            x: coordinates on the map [m].
-            closed_above: if True, a coordinate exactly at a cell center belongs to the interval
-                below the center (t = 1); if False, to the interval above it (t = 0).
-            rounding: module with `trunc`, `floor` and `ceil`: NumPy, or `math` for one coordinate.
+            closed_above: whether a coordinate exactly at a cell center belongs to the interval
+                below the center (t = 1) or above it (t = 0).
+            rounding: NumPy, or the module `math` for one coordinate.
 
         Returns:
-            below: index of the cell at the lower end of the interval, from 0 to `size`. The cell
-                at the upper end has the index `below` - 1. The indices -1 and `size` are just
-                outside the map.
+            below: index of the cell at the lower end of the interval, from 0 to `size`. The cell at
+                the upper end has the index `below` - 1. The indices -1 and `size` are just outside
+                the map.
             t: position in the interval, from 0 (lower end) to 1.
         """
         cell = rounding.trunc(self.steps(x))
@@ -124,10 +109,7 @@ class Axis:
         return cell, t
 
     def overlapped(self, lower: float, upper: float) -> slice:
-        """Return the slice of the cells that an interval overlaps, which may be empty.
-
-        A cell counts only if the interval extends into it by more than `BORDER_TOLERANCE`.
-        """
+        """Return the cells that an interval overlaps by more than `BORDER_TOLERANCE`."""
         size, tolerance = self.size, BORDER_TOLERANCE / self.resolution
         near, far = self.steps(upper) + tolerance, self.steps(lower) - tolerance
         # `near` or `far` may be infinite. Comparisons are faster than `min` and `max`.
@@ -138,11 +120,7 @@ class Axis:
         return slice(first, stop if stop > first else first + 1)
 
     def shift_to(self, center: float) -> float:
-        """Return the distance to another center, positive towards smaller coordinates [cells].
-
-        The distance is rounded to whole cells, with halves rounded away from zero. An infinite
-        distance results in NaN.
-        """
+        """Return the distance to a center in whole cells, positive towards smaller coordinates."""
         cells = (self.center - center) / self.resolution
         return math.copysign((abs(cells) + 0.5) // 1.0, cells)
 
@@ -154,7 +132,6 @@ class Axis:
         return self.at(self.center - self.resolution * shift)
 
     def block(self, first: int, stop: int) -> Axis:
-        """Return the axis of the cells from `first` to `stop` - 1."""
         size = stop - first
         corner = self.center + self.half
         center = corner - self.resolution * (first + 0.5 * size)

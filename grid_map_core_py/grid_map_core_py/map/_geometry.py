@@ -2,7 +2,7 @@
 """Geometry of a grid: conversion between positions and cell indices.
 
 Cells are counted from the corner with the largest x and y, rows towards -x and columns towards -y,
-for any start index.
+whatever the start index is.
 """
 
 from __future__ import annotations
@@ -134,7 +134,7 @@ class GridGeometry:
         return inside.reshape(positions.shape[:-1])
 
     def contains(self, position: Pair) -> bool:
-        """Return whether one position x, y [m] is on the map; `is_inside` accepts arrays."""
+        """Return whether one position x, y [m] is on the map; `is_inside` accepts several."""
         x, y = position
         return bool(self._x.contains(x) and self._y.contains(y))
 
@@ -183,7 +183,7 @@ class GridGeometry:
         return (rows, columns), inside.reshape(positions.shape[:-1])
 
     def center_of(self, cell: Size, start_index: Size = (0, 0)) -> Pair:
-        """Return the center x, y [m] of one cell on the map; `centers` accepts arrays."""
+        """Return the center x, y [m] of one cell on the map; `centers` accepts several cells."""
         x, y = self._x, self._y
         row, column = (cell[0] - start_index[0]) % x.size, (cell[1] - start_index[1]) % y.size
         return x.center_of(row), y.center_of(column)
@@ -227,7 +227,11 @@ class GridGeometry:
         return x, y
 
     def check_indices(self, cells: ArrayLike, name: str = "index") -> Cells:
-        """Return (rows, cols) or (N, 2) cells as (rows, cols); all must be on the map."""
+        """Convert cells (rows, cols) or (N, 2) to (rows, cols), and check them.
+
+        Raises:
+            OutOfMapError: a cell is outside the map.
+        """
         cells = as_cells(cells, name)
         if not cells[0].size or all(
             # Viewed as unsigned integers, negative numbers also exceed `count`.
@@ -277,7 +281,11 @@ class GridGeometry:
         )
 
     def closest_position(self, positions: ArrayLike) -> Positions:
-        """Return the point on the map nearest to each position (..., 2) [m]. NaN is an error."""
+        """Return the point on the map that is nearest to each position (..., 2) [m].
+
+        Raises:
+            GeometryError: a position contains NaN.
+        """
         positions = as_positions(positions)
         if np.isnan(positions).any():
             raise GeometryError("position: NaN has no closest position in the map")
@@ -286,9 +294,9 @@ class GridGeometry:
         return np.where(self.is_inside(positions)[..., None], positions, clamped)
 
     def index_shift(self, position: ArrayLike) -> Size:
-        """Return the shift in rows and columns that brings the map center closest to `position`.
+        """Return the shift (rows, columns) that moves the map center closest to `position`.
 
-        The shift is rounded to whole cells (halves away from zero). It is positive towards -x, -y.
+        The shift is positive towards -x and -y. Halves of cells are rounded away from zero.
         """
         x, y = as_pair(position, "position")
         rows, columns = self._x.shift_to(x), self._y.shift_to(y)
@@ -341,7 +349,6 @@ class GridGeometry:
 
     @cached_property
     def _both(self) -> Axis:
-        """Both axes as one `Axis` of arrays, for coordinates (2, N)."""
         return both_axes(self._x, self._y)
 
     @cached_property

@@ -49,21 +49,21 @@ _NO_DATA = np.array(nan, np.float32)  # NumPy assigns an array faster than a num
 class GridMap(MutableMapping[str, Layer]):
     """A rectangular grid of cells with any number of float32 layers.
 
-    A map is a mutable mapping from names to layers: `map[layer]` is the live (rows, cols) array,
-    and writing to this array changes the map. `map[layer] = values` adds or replaces a layer. If
-    `values` is an xarray array, it is aligned by its coordinates. NaN means "no data". A
-    `RuntimeWarning` is issued if finite values beyond the float32 range become infinite, or if
-    float32 rounds values above 2**24.
+    A map is a mutable mapping from layer names to arrays. `map[layer]` returns the (rows, cols)
+    array of the layer without a copy, so writing to this array changes the map.
+    `map[layer] = values` adds or replaces a layer. xarray arrays are aligned by their coordinates.
+    NaN means "no data". If values exceed the float32 range, or if values above 2**24 are rounded, a
+    `RuntimeWarning` is issued.
 
     In map order, cell (0, 0) is at the corner with the largest x and y. Rows run towards -x and
     columns towards -y. Layers of a new map are in map order. After `move`, layers are circular
     buffers, in which cell (0, 0) is stored at `start_index`. `axes()`, `grid_map_core_py.regions`
-    and all methods that convert positions handle the start index. To read or write a layer in map
-    order, use `unwrapped(layer)` and `set_unwrapped(layer, values)`.
+    and all methods that convert positions take the start index into account. To read or write a
+    layer in map order, use `unwrapped(layer)` and `set_unwrapped(layer, values)`.
 
     Two maps are equal if their grids, frames, times, basic layers and layer values in map order are
-    equal. NaN equals NaN. Layer order, start index and `crs` do not matter. Maps are mutable and
-    not hashable.
+    equal. NaN equals NaN. Layer order, start index and `crs` do not matter. Maps are not hashable,
+    because they are mutable.
 
     Args:
         length: (2,) side lengths along x and y [m], not cells: at a resolution of 0.05, the lengths
@@ -236,7 +236,7 @@ class GridMap(MutableMapping[str, Layer]):
     def start_index(self) -> Size:
         """Buffer row and column at which cell (0, 0) of the map is stored.
 
-        Setting `start_index` reinterprets the stored data. No data is copied.
+        Setting `start_index` copies no data: the stored values then belong to other positions.
         """
         return self._start
 
@@ -394,9 +394,9 @@ class GridMap(MutableMapping[str, Layer]):
     def with_layers(self, layers: Mapping[str, ArrayLike]) -> GridMap:
         """Return a new map in which `layers` are added or replaced.
 
-        The new map `new` shares all other layers with this map. A shared layer is copied when it is
-        first accessed through `new[layer]`. Float32 arrays in Fortran order are used without a
-        copy. Other arrays in `layers` are copied.
+        This map stays unchanged. All other layers are shared, and copied only when they are first
+        accessed in the new map. Values in `layers` are copied, except float32 arrays in Fortran
+        order: the new map uses these arrays directly.
         """
         if not isinstance(layers, Mapping):
             raise GridMapError(
@@ -406,7 +406,7 @@ class GridMap(MutableMapping[str, Layer]):
         return self._sharing({**self._layers, **adopted})
 
     def without_layers(self, names: Iterable[str]) -> GridMap:
-        """Return a new map without the named layers. It shares all others, as in `with_layers`."""
+        """Return a new map without the named layers. Others are shared, as in `with_layers`."""
         dropped = select_layers(self._layers, as_names(names))
         return self._sharing({n: data for n, data in self._layers.items() if n not in dropped})
 
@@ -510,10 +510,10 @@ class GridMap(MutableMapping[str, Layer]):
     ) -> float | NDArray[np.float64]:
         """Return the values of a layer at positions.
 
-        If cubic interpolation would use a cell that is not finite, linear interpolation is used
-        instead. If linear interpolation would use such a cell too, the result is the value of the
-        nearest cell, even if it is not finite. At the map border, the border cell replaces
-        missing neighbors.
+        If cubic interpolation needs a cell that is not finite, linear interpolation is used
+        instead. If linear interpolation also needs such a cell, the result is the value of the
+        nearest cell, which may be NaN. At the map border, the border cell replaces missing
+        neighbors.
 
         Args:
             layer: name of the layer.
@@ -566,13 +566,13 @@ class GridMap(MutableMapping[str, Layer]):
         return self._basic_layers if layers is None else select_layers(self._layers, layers)
 
     def get_position3(self, layer: str, index: ArrayLike) -> Positions:
-        """Return the x, y and value (3,) of a cell [m]. All are NaN if the value is not finite."""
+        """Return x, y [m] and the value (3,) of a cell; all are NaN if the value is not finite."""
         cell = self._checked(index)
         x, y = self._geometry.center_of(cell, self._start)
         return _finite_or_nan(x, y, self[layer].item(cell))
 
     def get_vector(self, prefix: str, index: ArrayLike) -> Positions:
-        """Return the vector (3,) in the layers `prefix` + x, y, z.
+        """Return the vector (3,) of a cell in the layers `prefix` + "x", "y" and "z".
 
         If a component is not finite, all components are NaN.
         """
@@ -609,7 +609,8 @@ class GridMap(MutableMapping[str, Layer]):
     def unwrapped(self, layer: str) -> Layer:
         """Return a layer (rows, cols) in map order: row 0, column 0 has the largest x and y.
 
-        The result is the live layer if `start_index` is (0, 0), else a copy. See `set_unwrapped`.
+        If `start_index` is (0, 0), the result is the layer itself, otherwise a copy. To change the
+        layer, use `set_unwrapped`.
         """
         return self._from_start(self[layer], (0, 0))
 
@@ -731,10 +732,10 @@ class GridMap(MutableMapping[str, Layer]):
     ) -> GridMap:
         """Return the map in another frame, as its surface appears from above.
 
-        Each cell with a finite height becomes a 3-D point with the values of the other layers. If a
-        cell of the new map contains several points, the highest one is used. Among equally high
-        points, the point from the last cell in column-major map order is used. Points outside the
-        new map are dropped.
+        Each cell with a finite height becomes a 3-D point with the values of the other layers. If
+        several points are in the same cell of the new map, the highest point is used. Among equally
+        high points, the point from the last cell in column-major map order is used. Points outside
+        the new map are dropped.
 
         Args:
             transform: (4, 4) rotation and translation [m] from the frame of this map to the new
@@ -837,25 +838,23 @@ class GridMap(MutableMapping[str, Layer]):
         )
 
     def _repr_html_(self) -> str:
-        """Return an HTML table of the layers, which notebooks display."""
         from ._notebook import to_html
 
         return to_html(self)
 
     def _repr_png_(self) -> bytes | None:
-        """Return a PNG picture for notebooks that cannot display HTML."""
         from ._notebook import to_png
 
         return to_png(self)
 
     def _in_my_order(self, layers: Any) -> Any:
-        """Return `layers`. A `GridMap` of the same size is reordered to this map's start index."""
+        """Reorder `layers` to this map's start index if it is a `GridMap` of the same size."""
         if isinstance(layers, GridMap) and layers.size == self.size:
             return layers if layers._start == self._start else layers.with_start_index(self._start)
         return layers
 
     def _aligned(self, name: str, value: Any) -> ArrayLike:
-        """Align an xarray array with the buffer by its coordinates. Other values stay unchanged."""
+        """Align an xarray array with the buffer by its coordinates; return other values as is."""
         if not getattr(value, "dims", ()):
             return value  # type: ignore[no-any-return]
         x, y = (axis + start for axis, start in zip(self.axes(), self.origin, strict=True))
@@ -892,11 +891,7 @@ class GridMap(MutableMapping[str, Layer]):
         geometry: GridGeometry | None = None,
         start: Size | None = None,
     ) -> GridMap:
-        """Return a map with these layers, without any checks.
-
-        `geometry` and `start` default to those of this map. Basic layers that are not in `layers`
-        are dropped; all other attributes are copied.
-        """
+        """Return a map with these layers and all other attributes, without any checks."""
         result = GridMap.__new__(GridMap)
         result._put(
             geometry or self._geometry,
@@ -910,7 +905,7 @@ class GridMap(MutableMapping[str, Layer]):
         return result
 
     def _from_start(self, data: Layer, start: Size) -> Layer:
-        """Reorder `data` from this map's start to `start`; if both are equal, return `data`."""
+        """Reorder `data` from this map's start index to `start`, without an unnecessary copy."""
         (row, column), (rows, columns) = self._start, self.size
         first = (row - start[0]) % rows, (column - start[1]) % columns
         return data if first == (0, 0) else ring_buffer.unwrapped(data, first)

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Interpolation of a layer between the centers of its cells.
 
-All methods except `NEAREST` are separable. The value is a weighted sum of the cells in a few rows
-and columns around the position. Each weight is the product of a row weight and a column weight.
-Near the map border, the border cell replaces missing neighbors.
+All methods except `NEAREST` are separable: the value is a weighted sum of nearby cells, and each
+weight is the product of a row weight and a column weight. Near the map border, the border cell
+replaces missing neighbors.
 """
 
 from __future__ import annotations
@@ -64,7 +64,6 @@ _FALLBACKS = {
 def interpolate(
     grid_map: GridMap, layer: str, positions: ArrayLike, interpolation: Interpolation | str
 ) -> float | Positions:
-    """Return the values of a layer at positions; see `GridMap.at_position`."""
     method = interpolation if type(interpolation) is Interpolation else method_of(interpolation)
     grid = grid_map.geometry, grid_map.start_index, grid_map[layer]
     point = plain_pair(positions)
@@ -76,7 +75,6 @@ def interpolate(
 
 
 def method_of(interpolation: object) -> Interpolation:
-    """Return the `Interpolation` for a member or a name."""
     try:
         return Interpolation(interpolation)
     except ValueError:
@@ -116,7 +114,6 @@ def _outside(geometry: GridGeometry, point: object) -> OutOfMapError:
 
 
 def check_inside(geometry: GridGeometry, points: Positions) -> None:
-    """Raise `OutOfMapError` if any of the positions (N, 2) is not on the map."""
     if not len(points):
         return
     # Rounding preserves the order: if the extreme positions are inside, all positions are.
@@ -129,8 +126,7 @@ def check_inside(geometry: GridGeometry, points: Positions) -> None:
 class Surface:
     """Interpolated layer, evaluated at coordinates (2, N): a row of x and a row of y.
 
-    `layer` is a whole layer with the start index `start`, or a block in map order that begins at
-    the map cell `corner` and contains all required cells.
+    If `corner` is not (0, 0), `layer` is a block in map order that begins at the map cell `corner`.
     """
 
     def __init__(
@@ -207,18 +203,15 @@ class Surface:
 
 
 def _shape(method: Interpolation) -> tuple[int, bool]:
-    """Return the number of cells that a method uses along an axis, and the argument `closed_above`.
-
-    If a coordinate is exactly at a cell center, `CUBIC` uses the interval below the center, as in
-    C++. The other methods use the interval above the center. See `Axis.between`.
-    """
+    """Return the number of cells along an axis, and `closed_above` of `Axis.between`."""
+    # At a cell center, `CUBIC` uses the interval below the center, as in C++.
     return (2 if method is Interpolation.LINEAR else 4), method is Interpolation.CUBIC
 
 
 def _neighbors(
     axis: Axis, x: float, start: int, reach: int, closed_above: bool
 ) -> list[tuple[int, float]]:
-    """Return pairs (buffer row or column, weight) of the cells near `x`, by ascending x or y."""
+    """Return (buffer index, weight) of the rows or columns near `x`, lowest coordinate first."""
     size = axis.size
     below, t = axis.between(x, closed_above, math)
     weights = _weights(t, reach)
@@ -259,15 +252,12 @@ def _weights(t: Coordinate, reach: int) -> tuple[Coordinate, ...]:
 
 
 def _continued(far: Coordinate, near: Coordinate) -> tuple[Coordinate, Coordinate]:
-    """Return outer weights that extrapolate with the slope at the border cell.
-
-    `far` is the weight of the outer neighbor on the map, `near` of the neighbor off the map.
-    """
+    """Return the weights of outer cells on and off the map, so that the border slope continues."""
     return far - near, 2.0 * near
 
 
 @lru_cache(maxsize=8)
 def _places(count: int, start: int, stride: int) -> Places:
-    """Return the flat buffer offsets of cells -2 to `count` + 1, with the border cells repeated."""
+    """Return the buffer offsets of cells -2 to `count` + 1, with the border cells repeated."""
     cells = np.arange(-_PADDING, count + _PADDING).clip(0, count - 1)
     return (cells + start) % count * stride

@@ -27,7 +27,6 @@ def add_data_from(
     overwrite_data: bool,
     layers: Iterable[str] | None,
 ) -> None:
-    """Copy data of `other` into `grid_map`; see `GridMap.add_data_from`."""
     check_frames(grid_map, other)
     if not grid_map.crs:
         grid_map._reference = other._reference
@@ -52,7 +51,7 @@ def add_data_from(
 
 
 def extended_map(grid_map: GridMap, other: GridMap) -> GridMap:
-    """Return `grid_map` extended to cover `other`, or `grid_map` itself if it already does."""
+    """Return `grid_map` if it covers `other`, otherwise an extended copy."""
     check_frames(grid_map, other)
     inner, outer = grid_map.geometry, other.geometry
     # Far from the origin, rounding errors of coordinates exceed the usual tolerance.
@@ -106,11 +105,7 @@ def _has_one_crs(one: Any, other: GridMap) -> bool:
 def lines_under(
     centers: Positions, other: GridMap, axis: int
 ) -> tuple[npt.NDArray[np.int64], Mask]:
-    """Return the row (axis 0) or column (axis 1) of `other` at each x or y (N,) [m], and a mask.
-
-    Rows and columns are buffer indices. The mask (N,) is False outside `other`, where the nearest
-    row or column is returned.
-    """
+    """Return nearest rows (axis 0) or columns (axis 1) of `other`, and a mask of those inside."""
     positions = np.tile(other.position, (centers.size, 1))
     positions[:, axis] = centers
     lines, inside = other.get_indices(positions)
@@ -118,7 +113,7 @@ def lines_under(
 
 
 def _runs(inside: Mask) -> list[slice]:
-    """Return a slice for each run of True in a mask (n,). Runs do not wrap around the end."""
+    """Return a slice for each run of True in a mask (n,)."""
     padded = np.concatenate(([False], inside, [False]))
     edges = np.flatnonzero(padded[1:] != padded[:-1]).tolist()
     return [slice(first, stop) for first, stop in zip(edges[::2], edges[1::2], strict=True)]

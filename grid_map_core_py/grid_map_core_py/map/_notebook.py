@@ -24,7 +24,6 @@ _OPAQUE = 255
 
 
 def to_html(grid_map: GridMap) -> str:
-    """Return an HTML table of the layers with embedded pictures."""
     title = (
         f"GridMap: {grid_map.size[0]} x {grid_map.size[1]} cells of {grid_map.resolution:g} m, "
         f"{as_text(grid_map.length)} m around {as_text(grid_map.position)} "
@@ -37,10 +36,7 @@ def to_html(grid_map: GridMap) -> str:
 
 
 def to_png(grid_map: GridMap) -> bytes | None:
-    """Return a PNG of the first basic layer, or of the first layer if no layer is basic.
-
-    The result is None if the map has no layers.
-    """
+    """Return a PNG of the first basic layer, else of the first layer; None without layers."""
     layers = (*grid_map.basic_layers, *grid_map.layers)
     return _png(grid_map, layers[0], PICTURE) if layers else None
 

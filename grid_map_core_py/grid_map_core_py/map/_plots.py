@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Loads drawing functions from another package, to avoid a circular dependency.
+"""Loads plot styles of other packages, to avoid a circular dependency.
 
-Each entry point in the group `grid_map_core_py.plots` adds a style to `GridMap.plot`. The entry
-point refers to a function that draws the style. The arguments of the function are a map, a layer
-name and axes, followed by options as keyword arguments.
+Each entry point in the group `grid_map_core_py.plots` adds a style to `GridMap.plot`. It refers to
+a function that draws the style. The arguments of the function are a map, a layer name, axes, and
+options as keyword arguments.
 """
 
 from importlib.metadata import entry_points

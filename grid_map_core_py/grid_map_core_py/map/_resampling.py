@@ -24,7 +24,7 @@ _FLAGS = {
 
 
 def resize_flag(interpolation: Interpolation | str | int) -> int:
-    """Return OpenCV's `resize` flag for a name or an `Interpolation`. A flag is returned as is."""
+    """Return OpenCV's `resize` flag for a name, an `Interpolation` or a flag."""
     if isinstance(interpolation, int):
         return interpolation
     name = interpolation.value if isinstance(interpolation, Interpolation) else interpolation
@@ -35,11 +35,11 @@ def resize_flag(interpolation: Interpolation | str | int) -> int:
 
 
 def resample(layer: Layer, size: Size, factor: float, interpolation: int) -> Layer:
-    """Interpolate a layer with OpenCV's `resize`. Both grids begin at the same corner.
+    """Interpolate a layer with OpenCV's `resize`; both grids begin at the same corner.
 
-    A target cell whose nearest source cell is NaN or infinite gets that value. All other target
-    cells are computed from finite source cells only. `factor` is the number of target cells per
-    source cell along each axis.
+    If the nearest source cell is NaN or infinite, the target cell gets its value. Other target
+    cells depend on finite source cells only. `factor` is the number of target cells per source cell
+    along each axis.
     """
     if interpolation in (cv2.INTER_NEAREST, cv2.INTER_NEAREST_EXACT):
         return _resized(layer, size, factor, interpolation)

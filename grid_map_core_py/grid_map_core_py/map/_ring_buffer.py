@@ -57,7 +57,7 @@ def place(numbers: Integers, start: int, size: int) -> None:
 def block(
     layer: Layer, start: Size, rows: slice, columns: slice, out: Layer | None = None
 ) -> Layer:
-    """Copy a block of a layer to `out` or a new array; the slices and the copy are in map order."""
+    """Copy a block of a layer, in map order, to `out` or a new array."""
     if out is None:
         shape = rows.stop - rows.start, columns.stop - columns.start
         out = np.empty(shape, layer.dtype, "F")
@@ -69,7 +69,7 @@ def block(
 def copies(
     start: Size, size: Size, rows: slice, columns: slice
 ) -> list[tuple[tuple[slice, slice], tuple[slice, slice]]]:
-    """Return (buffer, block) slices of the 1 to 4 parts of a block, cut where the buffer wraps."""
+    """Return (buffer, block) slices of the 1 to 4 parts into which wrapping splits a block."""
     in_columns = _pieces(columns, start[1], size[1])
     return [
         ((from_rows, from_columns), (to_rows, to_columns))
@@ -79,16 +79,13 @@ def copies(
 
 
 def unwrapped(layer: Layer, start: Size, out: Layer | None = None) -> Layer:
-    """Return a copy of a layer in map order. `start` is the start index of the layer."""
+    """Return a copy of a layer in map order."""
     rows, columns = layer.shape
     return block(layer, start, slice(0, rows), slice(0, columns), out)
 
 
 def uncovered(start: Size, size: Size, shift: Size) -> list[BufferRegion]:
-    """Return the buffer regions that hold the new cells after the map has moved by `shift` cells.
-
-    These regions are at most two strips of rows and two strips of columns, or the whole buffer.
-    """
+    """Return the buffer regions of the new cells after a move by `shift` cells."""
     (row, column), (rows, columns), (down, right) = start, size, shift
     if abs(down) >= rows or abs(right) >= columns:
         return [BufferRegion((0, 0), size)]
@@ -99,7 +96,7 @@ def uncovered(start: Size, size: Size, shift: Size) -> list[BufferRegion]:
 
 
 def _pieces(cells: slice, start: int, size: int) -> list[tuple[slice, slice]]:
-    """Return (buffer, block) slices of map rows or columns, split where the buffer wraps."""
+    """Return (buffer, block) slices of map rows or columns, split at the buffer end."""
     count, done, pieces = cells.stop - cells.start, 0, []
     for first, length in _runs(cells.start + start, count, size):
         pieces.append((slice(first, first + length), slice(done, done + length)))
@@ -108,7 +105,7 @@ def _pieces(cells: slice, start: int, size: int) -> list[tuple[slice, slice]]:
 
 
 def _runs(first: int, count: int, size: int) -> list[tuple[int, int]]:
-    """Return runs (first, count) of buffer rows or columns, split where they wrap at `size`."""
+    """Return runs (first, count) of buffer rows or columns, split at the buffer end."""
     first %= size
     before_end = size - first
     if count <= before_end:

@@ -40,15 +40,15 @@ class SignedDistanceField:
     linearly and only approximate. Along an axis with a single cell, they are constant.
 
     A height of +inf means ground at any z. A height of -inf means air at any z. Without any ground,
-    all distances are +inf. Without any air, they are -inf. In both cases, gradients are 0.
+    all distances are +inf. Without any air, they are -inf. Gradients are 0 in both cases.
 
     Args:
         grid_map: the map; later changes to the map have no effect.
         layer: name of the layer with the heights [m].
         min_height: z of the lowest level [m], map frame.
         max_height: z that the highest level must reach [m]; there are at least two levels.
-        unknown: treatment of cells without data (NaN). With None, they cause an error. With "free",
-            their height is -inf.
+        unknown: treatment of cells without data (NaN): None raises an error, and "free" sets their
+            height to -inf.
 
     Attributes:
         geometry: size, resolution and position of the map.
@@ -142,7 +142,10 @@ class SignedDistanceField:
         return float(values[0]) if given.ndim == 1 else values
 
     def nearest_value(self, points: ArrayLike) -> float | Positions:
-        """Return the distance at the node nearest to each point. Faster than `value`."""
+        """Return the distance at the node nearest to each point [m].
+
+        This method is faster than `value`, but less accurate.
+        """
         given, flat = _as_points(points)
         values = np.empty(len(flat))
         for part in slices(len(flat), CHUNK):
@@ -156,8 +159,8 @@ class SignedDistanceField:
     def gradient(self, points: ArrayLike) -> Positions:
         """Return the derivatives of the signed distance along x, y and z.
 
-        These are the derivatives of the interpolated `value`, which are discontinuous at planes
-        through nodes. Within 1e-9 m of such a plane, the mean of both sides is returned.
+        The result is the gradient of the interpolated `value`. It changes abruptly at the planes
+        through nodes. Within 1e-9 m of such a plane, the result is the mean of both sides.
 
         Args:
             points: (3,) or (N, 3) x, y, z [m], map frame.
@@ -219,11 +222,7 @@ class SignedDistanceField:
     def _located(
         self, points: Positions, rounded: Callable[[Positions], Positions], width: int
     ) -> tuple[_Coordinates, _Coordinates]:
-        """Return the node coordinates of points, and the first node that each point needs.
-
-        Node coordinates are in units of the node spacing, and NaN where a point is not finite. The
-        first nodes are `rounded` coordinates, clamped so that `width` nodes exist along each axis.
-        """
+        """Return node coordinates [nodes], and the first of `width` nodes that each point needs."""
         places, cells = [], []
         for axis, size in enumerate(self._counts):
             place = points[:, axis] - self._first[axis]
@@ -239,7 +238,6 @@ class SignedDistanceField:
         return places, cells
 
     def _index(self, cells: _Coordinates) -> NDArray[np.intp]:
-        """Return the flat memory index (N,) of each cell."""
         first, second, third = self._strides
         index = cells[0] * first
         index += cells[1] * second
@@ -274,10 +272,7 @@ def _as_points(values: ArrayLike) -> tuple[Positions, Positions]:
 
 
 def _heights(grid_map: GridMap, layer: str, unknown: str | None) -> Layer:
-    """Return a C-contiguous copy of the heights (rows, cols), in map order.
-
-    If `unknown` is "free", NaN becomes -inf. If it is None, NaN raises an error.
-    """
+    """Return a C-contiguous copy of the heights (rows, cols) in map order."""
     if unknown not in (None, "free"):
         raise GridMapError(f"unknown: expected None or 'free', got {short(unknown)}")
     heights = np.array(grid_map.unwrapped(layer), order="C")

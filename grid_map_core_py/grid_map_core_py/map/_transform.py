@@ -26,7 +26,6 @@ _Indices: TypeAlias = NDArray[np.intp]
 def transformed_map(
     grid_map: GridMap, transform: ArrayLike, height_layer: str, frame_id: str, sample_ratio: float
 ) -> GridMap:
-    """Transform `grid_map` to another frame; see `GridMap.get_transformed_map`."""
     matrix = as_rigid(transform)
     ratio = as_finite(sample_ratio, "sample_ratio")
     step = ratio * grid_map.resolution
@@ -56,10 +55,7 @@ def transformed_map(
 
 
 def _moved(row: Positions, x: Positions, y: Positions, lift: Positions | float) -> Positions:
-    """Return one coordinate (cols, rows) of points at x (rows,) and y (cols,) after the transform.
-
-    `row` (4,) is the row of the transform for this coordinate. `lift` is `row[2] * z + row[3]`.
-    """
+    """Return one transformed coordinate (cols, rows) of points at x (rows,) and y (cols,)."""
     moved: Positions = row[0] * x + (row[1] * y)[:, None]
     moved += lift
     return moved
@@ -74,9 +70,9 @@ def _seen_from_above(
 ) -> tuple[NDArray[np.float32], _Indices]:
     """Return the height of the highest point in each new cell, and the index of its source cell.
 
-    Both arrays list the cells of the new grid `geometry` in column-major order. Cells without
-    points have the height -inf. Among equally high points, the one from the last source cell is
-    kept. `steps` contains the offsets (dx, dy) [m] of a cell's points from its center.
+    Both arrays are in column-major order. Cells without points have the height -inf. Among equally
+    high points, the last source cell counts. `steps` contains the offsets (dx, dy) [m] of points
+    from the cell center.
     """
     heights = grid_map.unwrapped(height_layer)
     x, y = grid_map.geometry.axes_in_map_order()
@@ -110,10 +106,7 @@ def _seen_from_above(
 def _landed(
     geometry: GridGeometry, x: Positions, y: Positions, z: Positions
 ) -> tuple[_Indices, NDArray[np.float32]]:
-    """Return the column-major index (N,) of the cell under each point, and the point heights (N,).
-
-    Points outside the grid get the height -inf.
-    """
+    """Return the column-major cell and the height (N,) of each point; -inf outside the grid."""
     row, column = x - 0.5 * geometry.length[0], y - 0.5 * geometry.length[1]
     for axis, offsets in enumerate((row, column)):
         offsets -= geometry.position[axis]

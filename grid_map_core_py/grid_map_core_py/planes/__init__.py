@@ -4,8 +4,8 @@
 - `extract_planes` returns the `PlanarRegions` of a map. Regions keep their ids from map to map.
 - `PlanarRegion`: a plane with covariance, an outer polygon and holes.
 - `convex_inside`: a large convex polygon inside a region.
-- `PlaneParameters`: thresholds. They can be read from `parameters.yaml` of the ROS package
-  convex_plane_decomposition.
+- `PlaneParameters`: thresholds, which can be read from the file `parameters.yaml` of the ROS
+  package convex_plane_decomposition.
 """
 
 from .. import _lazy

@@ -22,11 +22,12 @@ _SHRUNK = 1.0 - 1e-9  # keeps rounded corners inside the region
 def convex_inside(region: PlanarRegion, position: ArrayLike, vertices: int = 16) -> Positions:
     """Return a large convex polygon that lies inside a region and contains a position.
 
-    The sides of the polygon are straight lines that separate it from the edges of the region. As in
-    IRIS (Deits and Tedrake, "Computing large convex regions of obstacle-free space through
-    semidefinite programming", 2015), the nearest edge is separated first. IRIS measures distances
-    from an ellipse. This function measures them from a segment that starts at the position and ends
-    half-way to the outline. It tries several segments, and returns the largest polygon.
+    The polygon is bounded by lines that separate it from the edges of the region, beginning with
+    the nearest edge. This method is based on IRIS (Deits and Tedrake, "Computing large convex
+    regions of obstacle-free space through semidefinite programming", 2015). IRIS measures distances
+    from an ellipse. This function measures distances from a segment that starts at the position and
+    ends halfway to the outline. It tries segments in several directions, and returns the largest
+    polygon.
 
     Args:
         region: the region; its holes are avoided.
@@ -62,10 +63,7 @@ def convex_inside(region: PlanarRegion, position: ArrayLike, vertices: int = 16)
 
 
 def _grown(edges: Positions, x: float, y: float) -> Positions:
-    """Return a convex polygon (K, 2) that contains the segment from (0, 0) to (x, y).
-
-    No edge crosses the polygon. `edges` (4, E) enclose the origin and do not cross the segment.
-    """
+    """Return a convex polygon (K, 2) around (0, 0) and (x, y) that no edge crosses."""
     # The nearest points of a segment and an edge include an end of one of them.
     ways = [to_edges(edges, *end) for end in ((0.0, 0.0), (x, y))]
     ways += [to_edges((0.0, 0.0, -x, -y), *-end) for end in edges.reshape(2, 2, -1)]

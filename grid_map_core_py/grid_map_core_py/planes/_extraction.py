@@ -30,22 +30,22 @@ def extract_planes(
     parameters: PlaneParameters | None = None,
     previous: PlanarRegions | None = None,
 ) -> PlanarRegions:
-    """Divide the planar parts of a map into regions, each with a plane and an outline.
+    """Find the planar regions of a map, each with a plane and an outline.
 
-    Cells without a finite height are in no region. The same input yields the same result, bit for
-    bit, for any start index.
+    Cells without a finite height belong to no region. The same map yields exactly the same result,
+    whatever its start index is.
 
     Args:
-        grid_map: the map, with an optional layer `variance` [m^2]. In regions where all variances
-            are positive and finite, the plane is fitted with the weights 1 / variance, and its
-            covariance follows from the variances. In other regions, the weights are equal, and the
-            covariance follows from the residuals.
+        grid_map: the map. If it has a layer `variance` [m^2], the layer is used in regions where
+            all variances are positive and finite: cells have the weight 1 / variance, and the
+            covariance of the plane is computed from the variances. In other regions, all cells have
+            the same weight, and the covariance is computed from the residuals.
         layer: name of the height layer [m].
         parameters: thresholds; None means the defaults.
         previous: regions of an earlier map with the same frame and resolution; the map may have
-            moved since. The id of each earlier region goes to the new region that shares the most
-            cells with it. If a new region would get several ids, it gets the id of the earlier
-            region with the most shared cells. All other regions get ids that were never used.
+            moved since. The id of each earlier region goes to the new region with which it shares
+            the most cells. If several ids go to the same new region, it gets the id of the earlier
+            region with the most shared cells. All other regions get new ids.
 
     Raises:
         LayerNotFoundError: the map has no layer `layer`.
@@ -87,9 +87,8 @@ def extract_planes(
 def _cleaned(rounds: Image, margin: int) -> Image:
     """Remove cells until no outline through the centers of border cells touches itself.
 
-    A border of `margin` cells is removed first. In the result, every cell of a plane belongs to a
-    block of 2 x 2 cells with the same number. If two such cells touch at a corner, a third cell
-    with this number shares a side with both.
+    A border of `margin` cells is removed first. In the result, every cell belongs to a block of 2 x
+    2 cells with the same number.
     """
     image = np.pad(rounds, 1)
     if margin:
@@ -109,12 +108,12 @@ def _cleaned(rounds: Image, margin: int) -> Image:
 
 
 def _traced(rounds: Image) -> tuple[NDArray[np.int32], list[list[Image]]]:
-    """Label the connected components of equal positive numbers in an image, and trace outlines.
+    """Label connected cells with the same positive number, and trace their outlines.
 
     Returns:
         labels: image of labels from 1 on, 0 for none.
-        outlines: for each label, a list of arrays (P, 2) with rows and columns of the map: first
-            the outer outline (counter-clockwise in the map), then the holes (clockwise).
+        outlines: for each label, a list of arrays (P, 2) of map rows and columns. The outer outline
+            comes first (counter-clockwise in the map), then the holes (clockwise).
     """
     labels, outlines = np.zeros(rounds.shape, np.int32), list[list[Image]]()
     for number in np.flatnonzero(np.bincount(rounds.reshape(-1))[1:]) + 1:
@@ -161,11 +160,7 @@ def _fitted(
 def _identify(
     labels: NDArray[np.int32], is_kept: Mask, grid_map: GridMap, previous: PlanarRegions | None
 ) -> tuple[NDArray[np.int64], int]:
-    """Return the ids (N,) of labels 1 to N, and the next unused id.
-
-    `labels` (rows, cols) is in map order, with 0 for no label. A label has the id 0 if it is not in
-    the mask `is_kept` (N,).
-    """
+    """Return the ids (N,) of labels 1 to N, 0 if not in `is_kept`, and the next unused id."""
     ids, next_id = np.zeros(1 + is_kept.size, np.int64), 1
     check(isinstance(previous, PlanarRegions | None), "previous", "PlanarRegions", previous)
     if previous is not None:

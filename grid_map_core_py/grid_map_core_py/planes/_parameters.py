@@ -15,8 +15,6 @@ from ..files._shared import load_yaml
 
 
 class Section:
-    """Base class of the sections, which checks their values."""
-
     def __post_init__(self) -> None:
         for name, value in vars(self).items():
             if name == "kernelSize":
@@ -33,7 +31,7 @@ class Section:
 
 @dataclass(frozen=True, kw_only=True)
 class Preprocessing(Section):
-    """Parameters of the median filter that removes outliers before the search for planes.
+    """Median filter that removes outliers before the search for planes.
 
     Attributes:
         kernelSize: width of the median filter [cells], 3 or 5.
@@ -49,7 +47,7 @@ class Preprocessing(Section):
 
 @dataclass(frozen=True, kw_only=True)
 class SlidingWindow(Section):
-    """Thresholds for the plane fitted around each cell, and for whole regions.
+    """Thresholds for the planes of windows around cells, and for the planes of regions.
 
     Attributes:
         kernel_size: width of the window around each cell [cells], odd.
@@ -103,8 +101,9 @@ UNUSED = "ransac_plane_refinement", "postprocessing"
 class PlaneParameters:
     """Parameters of `extract_planes`, grouped as in the C++ package convex_plane_decomposition.
 
-    The defaults are those of the C++ package, except that `marginSize` is in cells and is 0. The
-    sections `ransac_plane_refinement` and `postprocessing` are accepted, but without effect.
+    The defaults are those of the C++ package, except `marginSize`: it is in cells, and its default
+    is 0. The sections `ransac_plane_refinement` and `postprocessing` are accepted, but without
+    effect.
 
     Example:
         >>> parameters = {"contour_extraction": {"marginSize": 1}}
@@ -118,7 +117,7 @@ class PlaneParameters:
 
     @classmethod
     def from_mapping(cls, sections: Mapping[str, Any]) -> PlaneParameters:
-        """Create parameters from a mapping of section names to mappings of parameters.
+        """Create parameters from nested mappings: section names, then parameter names.
 
         Raises:
             ConfigError: a section or parameter is unknown, or has a wrong type or value.

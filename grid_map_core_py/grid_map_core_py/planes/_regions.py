@@ -25,16 +25,16 @@ _CHUNK = 2**16  # pairs of points and edges per chunk
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class PlanarRegion:
-    """Region of connected cells on one plane; lengths in meters, coordinates in `frame`.
+    """Region of connected cells that lie on one plane. Coordinates are in `frame` [m].
 
     Attributes:
         id: number of the region, 1 or more.
         normal: (3,) unit normal of the plane, with z > 0.
-        offset: distance of the plane from the origin along `normal` [m]; normal . point = offset
-            for each point on the plane.
+        offset: signed distance of the plane from the origin along `normal` [m]. For each point on
+            the plane, `normal @ point` equals `offset`.
         center: (3,) point on the plane at the mean x, y of the fitted cells.
         covariance: (3, 3) covariance of the height at `center` [m] and the slopes dz/dx and dz/dy.
-        rms: root-mean-square distance of the fitted cells from the plane, along z [m].
+        rms: root mean square of the vertical distances of the fitted cells from the plane [m].
         cells: number of cells.
         area: area of the outer polygon without the holes, seen from above [m^2].
         outer: (N, 2) x, y of the outer polygon, counter-clockwise and not closed. It runs through
@@ -57,7 +57,7 @@ class PlanarRegion:
 
 
 class PlanarRegions(Sequence[PlanarRegion]):
-    """The planar regions of a map, a sequence of `PlanarRegion` in the order of their ids.
+    """Sequence of the planar regions of a map (`PlanarRegion`), in the order of their ids.
 
     Attributes:
         labels: (rows, cols) int32 in map order: region id of each cell, 0 for none. Read-only.
@@ -120,8 +120,9 @@ class PlanarRegions(Sequence[PlanarRegion]):
         """Return the layers `plane_id`, `plane_elevation` and `planarity`, in map order.
 
         `plane_elevation` is the height of the plane at the cell center [m]. Outside the regions,
-        `plane_elevation` is NaN and `plane_id` is 0. Ids above 2**24 lose digits in float32. Use
-        `GridMap.set_unwrapped` to add the layers to a map with any start index.
+        `plane_elevation` is NaN and `plane_id` is 0. float32 cannot represent all ids above 2**24
+        exactly. Add the layers to a map with `GridMap.set_unwrapped`, which handles the start
+        index.
         """
         x, y = self.geometry.axes_in_map_order()
         heights = np.full(self.labels.shape, np.nan, np.float32, order="F")
@@ -159,15 +160,15 @@ class PlanarRegions(Sequence[PlanarRegion]):
     def project(self, points: ArrayLike) -> Positions:
         """Project points onto the regions.
 
-        On each region, the candidate is the horizontally nearest point of the polygon, at the
-        height of the plane. The result is the candidate nearest to the point in 3-D.
+        In each region, the horizontally nearest point of the polygon is found, and placed on the
+        plane. The result is the nearest of these points in 3-D.
 
         Args:
             points: (N, 3) x, y, z [m].
 
         Returns:
-            (N, 3) points on the regions; NaN if there are no regions, or for points that are not
-            finite.
+            (N, 3) points on the regions. A point that is not finite results in NaN. Without any
+            regions, all results are NaN.
         """
         given = as_array(points, np.float64, "points")
         if given.ndim != 2 or given.shape[1] != 3:
@@ -220,7 +221,7 @@ def edges_of(outlines: Sequence[NDArray[Any]]) -> tuple[NDArray[Any], NDArray[np
 
 
 def to_edges(edges: Any, x: Any, y: Any) -> tuple[Any, Any, Any]:
-    """Return vectors x, y from positions to the nearest points of edges (4, E), and a mask.
+    """Return vectors x, y from positions to the nearest points on edges (4, E), and a mask.
 
     The mask contains the edges that a ray from the position towards +x crosses. Inside a polygon,
     the number of crossed edges is odd (even-odd rule).
