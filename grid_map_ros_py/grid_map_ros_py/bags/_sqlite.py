@@ -32,9 +32,9 @@ CREATE INDEX timestamp_idx ON messages (timestamp ASC);
 
 
 class SqliteWriter:
-    """Writes serialized messages to a new rosbag2 database at `path`.
+    """Writes serialized messages to a new sqlite3 bag file.
 
-    If `in_place` is true, each message is committed at once, so that it survives a crash.
+    If `in_place` is true, written messages survive a crash of the program.
     """
 
     def __init__(self, path: Path, *, in_place: bool = False) -> None:

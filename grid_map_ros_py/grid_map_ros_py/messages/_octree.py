@@ -56,7 +56,7 @@ _FREE, _OCCUPIED, _INNER = 1, 2, 3
 
 
 def read_binary(data: npt.NDArray[np.uint8]) -> Leaves:
-    """Return the leaves of a tree in binary form; if `data` is empty, the tree has no leaves."""
+    """Return the leaves of a tree in binary form, or no leaves if `data` is empty."""
     words = _records(data, np.dtype("<u2"))
     labels = ((words[:, None] >> (2 * _CHILDREN).astype(np.uint16)) & 3).astype(np.uint8)
     if not labels.any(axis=1).all():
@@ -71,9 +71,9 @@ def read_binary(data: npt.NDArray[np.uint8]) -> Leaves:
 
 
 def read_full(data: npt.NDArray[np.uint8], node_type: np.dtype[Any]) -> Leaves:
-    """Return the leaves of a tree in full form; if `data` is empty, the tree has no leaves.
+    """Return the leaves of a tree in full form, or no leaves if `data` is empty.
 
-    A leaf is occupied if its log-odds are at least 0, that is, its probability is at least 0.5.
+    A leaf is occupied if its log-odds are at least 0 (probability 0.5).
     """
     records = _records(data, node_type)
     if np.isnan(records["value"]).any():
@@ -96,7 +96,7 @@ def _records(data: npt.NDArray[np.uint8], record: np.dtype[Any]) -> npt.NDArray[
 def _levels(
     children: npt.NDArray[np.bool_], deepest: int, node_size: int
 ) -> Iterator[tuple[int, npt.NDArray[np.intp], Keys]]:
-    """Yield (depth, indices (M,) of the nodes at this depth, keys (3, M) of these nodes).
+    """Yield the depth, the node indices (M,) and the node keys (3, M) of each tree level.
 
     `children` (N, 8) marks the children of each node that are stored as nodes.
     """
@@ -163,10 +163,9 @@ def extent(leaves: Leaves) -> tuple[Voxel, Voxel]:
 
 
 def highest_voxels(leaves: Leaves, first: Voxel, last: Voxel) -> npt.NDArray[np.int32]:
-    """Return the z index of the highest occupied voxel in each column of a box.
+    """Return the z index of the highest occupied voxel in each column of a box, or -1.
 
-    The box extends from voxel `first` (3,) to voxel `last` (3,), both included. The result has the
-    axes x and y, starting at `first`. Columns without an occupied voxel have the value -1.
+    The box includes the voxels `first` (3,) and `last` (3,). The result has the axes x and y.
     """
     begin, highest = first[:2] >> DEPTH, np.full((1, 1), -1, np.int32)
     for depth in range(DEPTH + 1):
@@ -191,7 +190,7 @@ def highest_voxels(leaves: Leaves, first: Voxel, last: Voxel) -> npt.NDArray[np.
 
 
 def occupied_voxels(leaves: Leaves, first: Voxel, last: Voxel) -> Keys:
-    """Return the occupied voxels (3, N) in a box; raise `LimitError` if N > `max_cells / 2`."""
+    """Return the occupied voxels (3, N) in a box; raise `LimitError` if there are too many."""
     count = 0
     for depth, (keys, occupied) in leaves.items():
         side = np.int32(side_of(depth))

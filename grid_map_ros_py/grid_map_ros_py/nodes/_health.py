@@ -56,7 +56,7 @@ class Health:
     def counted(self) -> Iterator[None]:
         """Count an input as dropped if the context raises an error, and as used otherwise.
 
-        If the context calls `defer`, the input is not counted yet.
+        If the context calls `defer`, the input is counted later.
         """
         self.receive()
         self._is_deferred = False
@@ -86,7 +86,7 @@ class Health:
         self._last_was_dropped, self.last_error = True, why
 
     def drop_used(self, why: str) -> None:
-        """Count the last used input as dropped instead, because it turned out to be unusable."""
+        """Count the last used input as dropped instead."""
         self.used -= 1
         self.drop(why)
 
@@ -145,8 +145,7 @@ def health_of(node: Node) -> Health:
 class LogThrottle:
     """Logs similar messages at most once per period, and states how many were suppressed.
 
-    Messages are similar if they are equal up to the second colon, as in "get_grid_map: frame_id:
-    expected ...". At most `LIMIT` different messages are logged per period.
+    Messages are similar if they are equal up to the second colon.
 
     Args:
         period: minimum time between similar messages [s].
@@ -190,10 +189,9 @@ class LogThrottle:
 
 @contextmanager
 def dropping(log: LogThrottle, what: str) -> Iterator[None]:
-    """Catch a `GridMapError` or `MemoryError` from the context, and log it with the prefix `what`.
+    """Log a `GridMapError` or `MemoryError` of the context, with the prefix `what`.
 
-    A `TiltedFrameError` is logged as a warning. A `NodeFailedError` and all other exceptions
-    propagate.
+    A `TiltedFrameError` is logged as a warning. A `NodeFailedError` propagates.
     """
     try:
         yield

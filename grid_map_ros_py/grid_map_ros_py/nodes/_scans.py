@@ -37,7 +37,7 @@ SILENCE = 3.0
 
 @dataclass
 class Statistics:
-    """Numbers of fused and dropped scans; total points and processing time [s] of fused scans."""
+    """Counts of scans; `points` and `seconds` are totals over all fused scans."""
 
     fused: int = 0
     dropped: int = 0
@@ -78,7 +78,7 @@ class Cloud:
         points: (N, 3) x, y, z [m].
         columns: additional values (N,) of the points, by layer name.
         missing: number of pixels without a depth.
-        is_optical: True if the points come from a depth image, in whose frame z points forward.
+        is_optical: True if the z axis of the frame points forward, as for depth images.
     """
 
     frame_id: str
@@ -92,10 +92,9 @@ class Cloud:
         return len(self.points)
 
     def usage(self, unused: Mapping[str, int]) -> str:
-        """Return a warning with causes and a remedy if too few points are used; "" otherwise.
+        """Return a warning if less than the fraction `FEW` of the points is used, or "".
 
-        Too few means less than the fraction `FEW` of all points. `unused` contains the number of
-        unused points for each reason.
+        `unused` contains the number of unused points for each reason.
         """
         total = len(self) + self.missing
         counts = Counter({**unused, "without a depth": self.missing}).most_common()
@@ -117,8 +116,7 @@ class Cloud:
 class ScanQueue:
     """Queue of the scans of one sensor that wait for their poses.
 
-    A scan more than `LONGEST_JITTER` earlier than the previous scan means that time was reset, for
-    example because a bag restarted. Waiting scans and outdated poses are then discarded.
+    After a time reset (see `LONGEST_JITTER`), waiting scans and outdated poses are discarded.
 
     Attributes:
         poses: source of the poses.
@@ -176,7 +174,7 @@ class ScanQueue:
     def work(self) -> int:
         """Fuse the scans whose poses are known; return the number of fused scans.
 
-        Call this when a pose arrives, and periodically, to drop scans that have waited too long.
+        Call this after each new pose, and periodically, to drop scans that have waited too long.
         """
         fused = self.statistics.fused
         # A waiting scan does not delay scans of other frames.
@@ -247,9 +245,9 @@ class ScanInputs:
         name: str = "a sensor",
         is_reliable: bool = False,
     ) -> str:
-        """Subscribe to a topic, add its messages to a queue, and call `on_fused` after each fusion.
+        """Add the messages of a topic to a queue; return the full name of the topic.
 
-        Returns the full name of the topic. `name` identifies the sensor in the log.
+        `on_fused` is called after each fusion. `name` identifies the sensor in the log.
         """
         queue.report = self._drop
         sensor = _Sensor(name, topic, message_type, queue, on_fused, time.monotonic())
