@@ -39,7 +39,7 @@ class LineMarker:
     def marker(
         self, grid_map: GridMap, points: npt.NDArray[np.float64], kind: int, namespace: str
     ) -> bytes:
-        """Return a serialized `visualization_msgs/Marker` with points (N, 3) [m] in the map frame.
+        """Return a serialized line marker with points (N, 3) [m] in the map frame.
 
         `kind` is `Marker.LINE_LIST` or `Marker.LINE_STRIP`.
         """

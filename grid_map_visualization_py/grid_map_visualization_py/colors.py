@@ -1,11 +1,12 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Convert the values of a layer to colors.
 
-A color map is a named sequence of colors, such as viridis. All outputs (RViz, browser, pictures)
-use Matplotlib color maps (see
-https://matplotlib.org/stable/gallery/color/colormap_reference.html). Matplotlib is imported on
-first use. Colors are red, green, blue in [0, 255]. A layer can also contain colors, each packed
-into one float32; see `grid_map_core_py.conversions`.
+A color map is a named sequence of colors, such as viridis. RViz messages, web pages and pictures
+use the color maps of Matplotlib:
+https://matplotlib.org/stable/gallery/color/colormap_reference.html
+
+Colors are red, green and blue in [0, 255]. A layer can also contain packed colors, with one color
+in each float32 value; see `grid_map_core_py.conversions`.
 """
 
 from dataclasses import dataclass
@@ -111,7 +112,8 @@ class Coloring:
     def __call__(self, values: npt.NDArray[np.float32]) -> Colors:
         """Return the colors (..., 3) for an array (...) of layer values.
 
-        NaN is gray, except in the mode "flat". A color map has 256 equal steps with one color each.
+        NaN is gray, except in the mode "flat". A color map has 256 colors, each for an equal part
+        of the value range.
         """
         if self.mode == "flat":
             one = np.stack(color_value_to_bytes(np.array(self.color)))

@@ -96,7 +96,6 @@ def complete_color_maps(**_: Any) -> list[str]:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Run `grid-map plot`: draw the picture or video and report its path."""
     is_animated = options.picture.suffix.lower() in _ANIMATED
     check_style(options, options.picture, ENDINGS + _ANIMATED)
     if is_animated and options.style:
@@ -115,7 +114,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _read(options: argparse.Namespace) -> "GridMap | TiledMap":
-    """Open the map, if possible as a tiled map, so that only the drawn parts are read."""
+    """Open the map as a tiled map if possible, so that only the drawn parts are read."""
     # Without Dask, only maps that are too large for memory are opened as tiled maps.
     tiled_map = tiled_source(options, also_small=find_spec("dask") is not None)
     if tiled_map is not None:

@@ -143,7 +143,7 @@ def _is_whole_bag(options: argparse.Namespace) -> bool:
 
 
 def _read(options: argparse.Namespace) -> "GridMap":
-    """Read the map, or the requested rectangle, and check that the requested layers exist."""
+    """Read the map or the requested rectangle, and check that the requested layers exist."""
     if has_rectangle(options):
         grid_map = read_rectangle(options)
     else:

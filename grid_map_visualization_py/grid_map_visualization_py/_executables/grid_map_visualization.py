@@ -26,11 +26,7 @@ from .._registry import Visualization, create, describe_parameters
 
 
 class GridMapVisualizationNode(ConfiguredNode):
-    """Node that converts maps to visualizations and publishes only those with subscribers.
-
-    While any output has subscribers, the node subscribes to maps and keeps the last map, so that
-    late-joining subscribers of an output receive a message immediately.
-    """
+    """Node that converts maps to visualizations and publishes those with subscribers."""
 
     def __init__(self) -> None:
         super().__init__("grid_map_visualization")
@@ -129,7 +125,7 @@ class Output:
 
     Attributes:
         is_due: True if some subscribers have not received the last map yet.
-        problem: error message if the last map could not be published; empty otherwise.
+        problem: error message if the last map could not be published, or "".
     """
 
     name: str

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Scene of a map for `web_viewer`: user settings, arrays to draw in the browser, and the view."""
+"""Scene of a map for `web_viewer`: settings, arrays to draw in the browser, and the view."""
 
 import math
 from dataclasses import dataclass, field
@@ -29,7 +29,7 @@ class ViewSettings:
         height_layer: layer of the surface heights [m].
         flat: draw the surface at height zero.
         coloring: source of the surface colors.
-        shaded: light the surface; if False, surface and legend have exactly the same colors.
+        shaded: light the surface. If False, the colors of surface and legend are equal.
         opacity: surface opacity, from 0 (invisible) to 1 (opaque).
         grid_lines: draw lines between neighboring cells.
         points: draw a point at each cell.
@@ -63,7 +63,7 @@ class ViewSettings:
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """Camera pose: camera position `start` (3,) and target point `target` (3,) [m]."""
+    """Camera position `start` (3,) and point `target` (3,) at which the camera looks [m]."""
 
     start: Positions
     target: Positions
@@ -92,16 +92,15 @@ class View:
 
 @dataclass(frozen=True)
 class SurfaceScene:
-    """Data that the page draws for a map; lines and vectors are relative to `mesh.origin` [m].
+    """Data that the page draws for a map.
 
     Attributes:
         mesh: the surface, possibly without faces.
         glb: content of a GLB file with the surface; None if the surface has no faces.
-        grid_lines: (N, 2, 3) lines between neighboring cells; empty unless requested.
-        vectors: (N, 2, 3) start and end points of the vectors; empty unless requested.
-        bounds: values at the ends of the color map; None without a color map. Bounds that the user
-            has not set are computed from all cells of the map, including hidden ones. If no value
-            is finite, both bounds are NaN.
+        grid_lines: (N, 2, 3) lines between neighboring cells [m], relative to `mesh.origin`.
+        vectors: (N, 2, 3) start and end points of the vectors [m], relative to `mesh.origin`.
+        bounds: values at the ends of the color map; None without a color map. If no value is
+            finite, both bounds are NaN.
         box: lowest and highest corner (3,) of the bounding box [m], map frame.
         size: number of shown rows and columns.
         spacing: mean distance between neighboring shown cells [m].
@@ -159,7 +158,7 @@ def make_scene(grid_map: GridMap, settings: ViewSettings, max_drawn_cells: int =
 
 
 def on_surface(grid_map: GridMap, settings: ViewSettings, points: Positions) -> Positions:
-    """Move the points (N, 3) of a path [m, map frame] vertically to just above the drawn surface.
+    """Move points (N, 3) [m, map frame] vertically to a height just above the drawn surface.
 
     Points where the surface is unknown keep their heights.
     """
@@ -209,7 +208,7 @@ def drawn_path(points: Positions, color: tuple[int, int, int]) -> Drawing:
 
 
 def raised(drawing: Drawing, grid_map: GridMap, settings: ViewSettings) -> Drawing:
-    """Return a drawing raised slightly above the surface; flatten it first if `settings.flat`."""
+    """Raise a drawing slightly, to keep it visible; if `settings.flat`, start at height zero."""
     gap = np.array([0.0, 0.0, GAP * grid_map.resolution])
     flat = np.array([1.0, 1.0, 0.0 if settings.flat else 1.0])
     lines, triangles = drawing.lines * flat + gap, drawing.triangles * flat + gap

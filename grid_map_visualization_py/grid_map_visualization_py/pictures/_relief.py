@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Perspective picture of a height field, with cast shadows and ambient occlusion.
 
-The floating horizon algorithm traces one ray per picture column over the ground, from near to far,
-and draws the parts that rise above all nearer parts. Vertical lines stay vertical, as in a photo
-from a level camera with a shift lens.
+The floating horizon algorithm traces one ray per picture column over the ground, from near to far.
+It draws the parts that rise above all nearer parts. Vertical lines stay vertical.
 
 The unit of length is one cell. Ground coordinates (x, y) start at the center of the first cell.
 """
