@@ -109,7 +109,7 @@ def wait_until(
     step: Callable[[], object] = lambda: time.sleep(0.02),
     timeout: float = TIMEOUT,
 ) -> None:
-    """Call `step` until `condition()` holds; fail after `timeout` [s] with `what` in the error."""
+    """Call `step` until `condition()` is true; fail after `timeout` [s] and report `what`."""
     deadline = time.monotonic() + timeout
     while not condition():
         assert time.monotonic() < deadline, f"waited in vain for {what}"

@@ -136,7 +136,6 @@ class Coloring:
 
 @cache
 def _table(name: str) -> Colors:
-    """Return the (256, 3) colors of a color map."""
     maps = _all_color_maps()
     if name not in maps:
         similar = hint(name, maps, 3) or "; such as viridis, turbo, terrain"

@@ -23,12 +23,7 @@ GRID_MAP_TYPE = "grid_map_msgs/msg/GridMap"
 class Topic(NamedTuple):
     """Type and encoding of the messages on a topic.
 
-    Attributes:
-        type: name of the message type, such as `grid_map_msgs/msg/GridMap`.
-        encoding: serialization format, usually `cdr`.
-        qos: quality-of-service profiles of the publishers, as a YAML list.
-        definition: definition of the message type and of all nested types.
-        type_hash: type hash (REP-2011).
+    `qos` lists the profiles of the publishers in YAML. `type_hash` is defined in REP-2011.
     """
 
     type: str
@@ -147,10 +142,7 @@ def save(folder: Path, document: object) -> None:
 
 
 def files_of(path: Path, *, recover: bool = False) -> list[Path]:
-    """Return the storage files of a bag in recording order.
-
-    If `recover` is true, the metadata file may be missing, as after an interrupted recording.
-    """
+    """Return the files of a bag in recording order; with `recover`, metadata may be missing."""
     if path.is_file():
         return [path]
     if not path.is_dir():

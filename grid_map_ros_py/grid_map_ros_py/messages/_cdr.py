@@ -1,8 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Reads and writes messages in CDR, the serialization format of DDS, without rclpy.
-
-Damaged data raises a `MessageError` that names the field.
-"""
+"""Reads and writes messages in CDR, the serialization format of DDS, without rclpy."""
 
 import array
 import re
@@ -289,8 +286,6 @@ class _Items:
 
 
 class _Struct:
-    """Codec of a message with named fields."""
-
     def __init__(self, message_type: Any) -> None:
         if isinstance(message_type, str):
             self._name, types = message_type, FIELDS_BY_TYPE[message_type]

@@ -56,10 +56,8 @@ class _Occupancies:
 
 
 def _published(occupancy: int) -> Any:
-    """Return the cost that Nav2 publishes as `occupancy`.
-
-    If several costs have this occupancy, return the cost closest to a linear scale.
-    """
+    """Return the cost that Nav2 publishes as `occupancy`."""
+    # Several costs can have this occupancy; select the cost closest to a linear scale.
     same = np.flatnonzero(occupancy == OCCUPANCY_OF_COST)
     return same[np.abs(99 * same - 253 * occupancy).argmin()]
 

@@ -1,8 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Conversions and checks of message fields: times, poses and grids.
-
-A failed check raises a `MessageError` that names the field.
-"""
+"""Conversions and checks of message fields; failed checks raise `MessageError`."""
 
 import math
 import operator
@@ -97,7 +94,6 @@ def check_fields(message: object, kind: str, *paths: str) -> None:
 
 
 def check_unique(field: str, names: Iterable[str]) -> None:
-    """Raise `MessageError` if a name occurs more than once."""
     if repeated := sorted(name for name, times in Counter(names).items() if times > 1):
         raise MessageError(field, "every name once", repeated)
 
@@ -123,10 +119,7 @@ def check_finite(
     expected: str = "finite coordinates",
     found: npt.NDArray[np.float64] | None = None,
 ) -> Any:
-    """Return `rows` (N, k); raise `MessageError` if they contain a NaN or infinite value.
-
-    The error shows the first invalid row, from the array `found` if it is given.
-    """
+    """Return `rows` (N, k); raise `MessageError` if they contain a NaN or infinite value."""
     finite = np.isfinite(rows).all(axis=1)
     if not finite.all():
         index = int(np.argmin(finite))
@@ -181,10 +174,7 @@ def float32_resolution(resolution: float) -> float:
 
 
 def as_written(value: float) -> float:
-    """Convert a float32 to the float64 with the same shortest decimal form, such as 0.1.
-
-    Values outside the float32 range become 0 or infinity.
-    """
+    """Convert a float32 to the float64 with the same shortest decimal form, such as 0.1."""
     with np.errstate(over="ignore"):
         return float(str(np.float32(value)))
 
@@ -230,7 +220,6 @@ def to_transform(matrix: npt.ArrayLike) -> "Transform":
 
 
 def as_matrix(rotation: "Rotation", translation: npt.ArrayLike) -> Matrix:
-    """Combine a rotation and a translation (3,) to a (4, 4) matrix."""
     matrix = np.eye(4)
     matrix[:3, :3] = rotation.as_matrix()
     matrix[:3, 3] = translation

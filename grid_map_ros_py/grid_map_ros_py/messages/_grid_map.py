@@ -96,15 +96,11 @@ def to_serialized_message(
 
 
 def to_info(geometry: GridGeometry) -> "GridMapInfo":
-    """Convert a grid geometry to `grid_map_msgs/GridMapInfo`."""
     return _filled(messages_of("grid_map_msgs").GridMapInfo(), _info(geometry))
 
 
 def _described(grid_map: GridMap, layers: Iterable[str] | None, start: Size) -> SimpleNamespace:
-    """Return an object with the attributes of a map message.
-
-    `start` is the start index of the message; (0, 0) replaces values that exceed uint16.
-    """
+    """Return an object with the attributes of a map message with the start index `start`."""
     names = select_layers(grid_map.layers, layers)
     say_crs_is_lost(grid_map, "a message", stacklevel=4)
     if max(start) > LARGEST_START_INDEX:
@@ -319,10 +315,7 @@ def _layer_views(message: "GridMapMessage", size: Size) -> Mapping[str, Layer]:
 
 
 def _from_multi_array(message: "Float32MultiArray", size: Size, field: str) -> Layer:
-    """Return the values (rows, cols) of a `Float32MultiArray` as a view of the message data.
-
-    Raise `MessageError` if the data is padded or the layout is invalid.
-    """
+    """Return the values (rows, cols) of a `Float32MultiArray` as a view of the message data."""
     labels = tuple(dim.label for dim in message.layout.dim)
     if labels not in (_LABELS, _LABELS[::-1]):
         expected = f"the labels {_LABELS}, or in reverse"

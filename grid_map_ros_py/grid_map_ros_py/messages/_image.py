@@ -22,8 +22,6 @@ if TYPE_CHECKING:
 
 
 class Encoding(NamedTuple):
-    """Pixel format: data type of a channel, number of channels, and color order."""
-
     dtype: np.dtype[Any]
     channels: int
     order: Order = "bgr"
@@ -164,8 +162,7 @@ def _encoding_of(name: str) -> Encoding:
 def to_pixels(message: "Image", size: Size | None = None) -> tuple[npt.NDArray[Any], Order]:
     """Return the pixels (rows, cols, channels) of an image, and their color order.
 
-    The pixels keep the byte order of the message, and are a view of aligned data. `size` is the
-    required size (rows, cols); None accepts any size.
+    The pixels keep the byte order of the message. `size` is the required size (rows, cols).
     """
     check_fields(message, "sensor_msgs/Image", "encoding", "step")
     kind = _encoding_of(message.encoding)

@@ -87,8 +87,7 @@ def from_occupancy_grid(message: "OccupancyGrid", layer: str) -> GridMap:
 def occupancies(values: npt.ArrayLike, data_min: float, data_max: float) -> npt.NDArray[np.int8]:
     """Return the occupancy (int8) of layer values; NaN becomes -1.
 
-    The formula is `trunc(100 * clamp((value - data_min) / (data_max - data_min), 0, 1))`, computed
-    in float32 as in the C++ grid_map.
+    As in C++: `trunc(100 * clamp((value - data_min) / (data_max - data_min), 0, 1))` in float32.
     """
     data_min, data_max = as_number(data_min, "data_min"), as_number(data_max, "data_max")
     with np.errstate(over="ignore", invalid="ignore"):

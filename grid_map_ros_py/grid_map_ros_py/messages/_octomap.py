@@ -1,8 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Create grid maps from `octomap_msgs/Octomap` messages and from OctoMap files.
-
-An OctoMap file (.bt or .ot) consists of a text header and the bytes of a message.
-"""
+"""Create grid maps from `octomap_msgs/Octomap` messages and from OctoMap files."""
 
 import math
 from collections.abc import Iterable

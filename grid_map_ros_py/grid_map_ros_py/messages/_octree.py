@@ -71,10 +71,7 @@ def read_binary(data: npt.NDArray[np.uint8]) -> Leaves:
 
 
 def read_full(data: npt.NDArray[np.uint8], node_type: np.dtype[Any]) -> Leaves:
-    """Return the leaves of a tree in full form, or no leaves if `data` is empty.
-
-    A leaf is occupied if its log-odds are at least 0 (probability 0.5).
-    """
+    """Return the leaves of a tree in full form, or no leaves if `data` is empty."""
     records = _records(data, node_type)
     if np.isnan(records["value"]).any():
         raise MessageError("data", "log-odds that are numbers", float("nan"))
@@ -82,6 +79,7 @@ def read_full(data: npt.NDArray[np.uint8], node_type: np.dtype[Any]) -> Leaves:
     leaves: Leaves = {}
     for depth, nodes, keys in _levels(children, DEPTH, node_type.itemsize):
         is_leaf = records["children"][nodes] == 0
+        # Log-odds of 0 mean a probability of 0.5.
         occupied = records["value"][nodes[is_leaf]] >= 0
         leaves[depth] = keys[:, is_leaf], occupied
     return leaves

@@ -54,10 +54,7 @@ class Health:
 
     @contextmanager
     def counted(self) -> Iterator[None]:
-        """Count an input as dropped if the context raises an error, and as used otherwise.
-
-        If the context calls `defer`, the input is counted later.
-        """
+        """Count an input as used, or as dropped if the context raises an error."""
         self.receive()
         self._is_deferred = False
         try:
@@ -81,7 +78,6 @@ class Health:
         self._last_was_dropped = False
 
     def drop(self, why: str) -> None:
-        """Count an unusable input and record the reason."""
         self.dropped += 1
         self._last_was_dropped, self.last_error = True, why
 
@@ -143,13 +139,10 @@ def health_of(node: Node) -> Health:
 
 
 class LogThrottle:
-    """Logs similar messages at most once per period, and states how many were suppressed.
+    """Logs similar messages at most once per period [s], and counts suppressed messages.
 
-    Messages are similar if they are equal up to the second colon.
-
-    Args:
-        period: minimum time between similar messages [s].
-        clock: returns the time [s]; the default clock continues while a simulation is paused.
+    Messages are similar if they are equal up to the second colon. The default clock continues while
+    a simulation is paused.
     """
 
     LIMIT = 20

@@ -81,9 +81,6 @@ def read_fields(
     All fields must have defaults; `defaults` overrides them by field name. The parameter
     descriptions come from the `Attributes:` section of the dataclass. If a value has the wrong type
     or the dataclass rejects it, the function raises `ConfigError`.
-
-    Args:
-        prefix: start of the parameter names, such as `input_sources.front.`.
     """
     kinds, texts, values = get_type_hints(cls), descriptions(cls), dict[str, Any]()
     for field in fields(cls):  # type: ignore[arg-type]
@@ -140,10 +137,7 @@ def names_below(node: "Node", prefix: str) -> list[str]:
 
 
 def read_limits(node: "Node") -> None:
-    """Set the map limits of the process (`grid_map_core_py.limits`) from ROS parameters.
-
-    Call this before the node creates or receives a map.
-    """
+    """Set the map limits of the process; call this before the node creates or receives a map."""
     texts = descriptions(Limits)
     limits = {
         name: read_parameter(node, name, int, int(default), description=texts[name])

@@ -61,14 +61,9 @@ class Placement:
 
 
 class Poses:
-    """Pose source for scans that are already in the map frame; base class of other sources.
+    """Pose source for scans that are already in the map frame; base class of other sources."""
 
-    Attributes:
-        waits_for: description of the pose or transform that was missing in the last call of
-            `place`.
-    """
-
-    waits_for = ""
+    waits_for = ""  # pose or transform that was missing in the last call of `place`
 
     def __init__(self, map_frame: str) -> None:
         self.map_frame = map_frame
@@ -270,7 +265,6 @@ def _seconds(stamp: int) -> str:
 
 
 def has_tf() -> bool:
-    """Return whether tf2 can be imported."""
     return importlib.util.find_spec(PACKAGE) is not None
 
 
@@ -358,10 +352,7 @@ class TfPoses(Poses):
         return None if found is None else from_transform(found)
 
     def latest(self) -> tuple[Matrix, int] | None:
-        """Return the latest robot pose and its time [ns], or None if no pose is known yet.
-
-        The time is 0 for a static transform.
-        """
+        """Return the latest robot pose and its time [ns] (0 if static), or None if unknown."""
         found = self._look_up(self._robot_frame, 0)
         return None if found is None else (from_transform(found), from_stamp(found.header.stamp))
 

@@ -70,15 +70,9 @@ REMEDIES = {
 
 @dataclass(frozen=True)
 class Cloud:
-    """Point cloud of one scan.
+    """Point cloud of one scan: `points` (N, 3) [m] and `columns` (N,) by layer name.
 
-    Attributes:
-        frame_id: frame of the points.
-        stamp: time of the scan [ns].
-        points: (N, 3) x, y, z [m].
-        columns: additional values (N,) of the points, by layer name.
-        missing: number of pixels without a depth.
-        is_optical: True if the z axis of the frame points forward, as for depth images.
+    `missing` is the number of pixels without a depth. `is_optical` is true if z points forward.
     """
 
     frame_id: str
@@ -119,18 +113,14 @@ class ScanQueue:
     After a time reset (see `LONGEST_JITTER`), waiting scans and outdated poses are discarded.
 
     Attributes:
-        poses: source of the poses.
         read: converts a message to a scan, and raises `GridMapError` if the message is invalid. A
             scan is a `Cloud`, or another object with `frame_id`, `stamp` and a length.
         fuse: called with a scan and its placement. It returns the number of unused points by
             reason, or None, and raises `GridMapError` if the scan is invalid.
-        report: called with an error message when a scan is dropped.
         what: name of a scan in error messages, such as "a cloud".
         timeout: maximum time a scan waits for its pose [s].
         queue_size: maximum number of waiting scans; an additional scan replaces the oldest.
-        clock: returns the time [s]; the default clock continues while a simulation is paused.
-        statistics: counts of scans.
-        problem: warning from `Cloud.usage` about the last fused scan; empty if there is none.
+        problem: warning from `Cloud.usage` about the last fused scan, or "".
     """
 
     poses: Poses
@@ -218,12 +208,7 @@ def read_cloud(message: Any, fields: Iterable[str] = ()) -> Cloud:
 class ScanInputs:
     """Subscribes to scan topics and passes the scans to their queues.
 
-    Args:
-        log: logs dropped messages and silent sensors.
-        prepare: called before waiting scans are fused.
-
-    Attributes:
-        is_enabled: if False, new scans are ignored.
+    `prepare` is called before waiting scans are fused. `is_enabled = False` ignores new scans.
     """
 
     def __init__(

@@ -206,10 +206,7 @@ class _Life:
             executor.shutdown()
 
     def fail(self, error: Exception) -> None:
-        """Publish an error on `/diagnostics`; log a `NodeFailedError`, and raise other errors.
-
-        Errors after a second signal are ignored.
-        """
+        """Publish an error on `/diagnostics`; log a `NodeFailedError`, and raise other errors."""
         on_end(signal.SIG_IGN)
         if self._signals > 1:
             return  # The second signal caused the error, for example an import that it interrupted.

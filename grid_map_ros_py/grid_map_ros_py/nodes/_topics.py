@@ -93,7 +93,8 @@ class LatchedSubscription:
     """Subscription that receives the last message of a latched topic and all later messages.
 
     The subscription is transient local, to receive the last message. It becomes volatile when a
-    volatile publisher appears, because it would receive nothing from that publisher.
+    volatile publisher appears, because that publisher sends nothing to transient-local
+    subscriptions.
 
     The first lost message is logged. If the callback raises a `GridMapError` or a `MemoryError`,
     the message is dropped and the error is logged. A `NodeFailedError` ends the node.
@@ -105,9 +106,6 @@ class LatchedSubscription:
             False, only log a warning about that publisher.
         depth: queue depth if `qos` is None.
         is_counted: count the messages in the `Health` of the node.
-
-    Attributes:
-        topic_name: full name of the topic.
     """
 
     def __init__(
@@ -272,8 +270,7 @@ def offer_service(
 ) -> None:
     """Create the service `~/name`; `action(request, response)` fills the response.
 
-    If `action` raises a `GridMapError` or a `MemoryError`, the error is logged, and the response is
-    empty.
+    If `action` raises a `GridMapError` or a `MemoryError`, the response is empty.
     """
 
     def respond(request: Any, response: Any) -> Any:

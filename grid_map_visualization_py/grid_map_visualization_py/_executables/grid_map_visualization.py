@@ -121,19 +121,14 @@ class GridMapVisualizationNode(ConfiguredNode):
 
 @dataclass
 class Output:
-    """A visualization and its publisher; `name` is also the topic.
-
-    Attributes:
-        is_due: True if some subscribers have not received the last map yet.
-        problem: error message if the last map could not be published, or "".
-    """
+    """A visualization and its publisher; `name` is also the topic."""
 
     name: str
     visualization: Visualization
     publisher: Any = None
     subscribers: int = 0
-    is_due: bool = False
-    problem: str = ""
+    is_due: bool = False  # True if some subscribers have not received the last map yet
+    problem: str = ""  # error if the last map could not be published
 
 
 if __name__ == "__main__":

@@ -98,7 +98,6 @@ class RerunViewerNode(ConfiguredNode):
         return server
 
     def destroy_node(self) -> None:
-        """Destroy the node and end Rerun."""
         self._server.close()
         Node.destroy_node(self)
 

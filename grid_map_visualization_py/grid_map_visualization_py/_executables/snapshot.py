@@ -74,7 +74,6 @@ def parsed(arguments: Sequence[str]) -> argparse.Namespace:
 
 
 def main() -> int:
-    """Draw the picture and return the exit code."""
     options = parsed(remove_ros_args(sys.argv)[1:])
     return run(lambda: SnapshotNode(options))
 

@@ -28,9 +28,8 @@ class Placed:
         time: time in the message header [ns]; 0 if there is none.
         path: parts of the entity path below the topic, or from the root if `is_global`.
         frame: ROS frame; None if the archetypes are not drawn in a frame.
-        archetypes: function that returns the archetypes for an origin (3,) in `frame` [m]; raises
-            `MessageError` if the message is invalid. Positions are relative to the origin.
-        is_global: True if the path starts at the root, not at the topic.
+        archetypes: function that returns the archetypes for an origin (3,) in `frame` [m].
+            Positions are relative to the origin. Invalid messages raise `MessageError`.
         kept: None to log the archetypes. Otherwise, all earlier paths below the topic are cleared,
             except those in `kept`.
     """
@@ -44,8 +43,6 @@ class Placed:
 
 
 class Shape(IntEnum):
-    """Supported marker types."""
-
     ARROW = 0
     CUBE = 1
     SPHERE = 2

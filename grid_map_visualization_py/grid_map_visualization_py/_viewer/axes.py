@@ -19,8 +19,7 @@ class Axes:
 
     Attributes:
         steps: tick distances along x, y and z [m].
-        low, high: indices of the first and last tick along x, y and z. Tick 0 is at the frame
-            origin.
+        low, high: indices of the first and last ticks. Tick 0 is at the origin of the frame.
     """
 
     steps: tuple[float, ...]

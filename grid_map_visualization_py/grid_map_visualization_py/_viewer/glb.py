@@ -28,10 +28,7 @@ FROM_FILM = np.array(
 
 
 def to_glb(mesh: Mesh, *, shaded: bool = True, opacity: float = 1.0) -> bytes:
-    """Convert a mesh with at least one face to the content of a GLB file.
-
-    If `shaded` is false, lights have no effect.
-    """
+    """Convert a mesh with at least one face to the content of a GLB file."""
     lower, upper = (bound(mesh.vertices, axis=0).tolist() for bound in (np.min, np.max))
     # 16 bits keep dark colors distinct. The fourth channel aligns vertices to four bytes.
     light = np.rint(0xFFFF * linear(np.arange(256, dtype=np.uint8))).astype("<u2")

@@ -44,10 +44,7 @@ class Markers:
         self._drawn = drawn
 
     def drawing(self, frame_id: str) -> Drawing:
-        """Return the lines and triangles of all markers in a frame.
-
-        The opacity is that of the most transparent triangles.
-        """
+        """Return the lines and triangles in a frame, with the lowest opacity of the triangles."""
         parts = [EMPTY, *(part for frame, part in self._drawn.values() if frame == frame_id)]
         *arrays, opacities = zip(*parts, strict=True)
         lines, line_colors, triangles, colors = map(np.concatenate, arrays)

@@ -1,8 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Web page with a scene and controls, served with viser.
-
-All browsers share the controls, but each browser has its own view.
-"""
+"""Web page with a scene and controls. Browsers share the controls, but not the view."""
 
 import io
 from collections import deque
@@ -69,12 +66,7 @@ SHADOWLESS = {"cast_shadow": False, "receive_shadow": False}
 
 
 class Page:
-    """Web page that shows maps and provides controls.
-
-    Attributes:
-        url: URL of the page.
-        is_public: True if other machines can reach the page.
-    """
+    """Web page that shows maps and provides controls."""
 
     def __init__(
         self,
@@ -287,7 +279,6 @@ class Page:
             self._server.stop()
 
     def _add(self, scene: SurfaceScene, settings: ViewSettings) -> Any:
-        """Add a scene to the page as a hidden node."""
         # viser stores every node name for new browsers, so names are reused.
         taken = {frame.name for frame in self._shown}
         name = next(name for name in map("/maps/{}".format, count()) if name not in taken)
@@ -515,10 +506,7 @@ def _serve(host: str, port: int, names: Container[str]) -> Any:
 
 
 def _offer(dropdown: Any, options: tuple[str, ...], preferred: str) -> None:
-    """Replace the options of a drop-down list, and keep the selection if possible.
-
-    Otherwise, select `preferred` or, if it is no option, the first option.
-    """
+    """Replace the options of a drop-down list; keep the selection, or select `preferred`."""
     chosen = next((name for name in (dropdown.value, preferred) if name in options), options[0])
     if dropdown.options != options:
         dropdown.options = options

@@ -78,10 +78,7 @@ class Viewer:
         self._check_frames("header.frame_id", {frame_id} if len(points) else set())
 
     def receive_markers(self, message: Any) -> None:
-        """Accept a `visualization_msgs/MarkerArray`, whose markers are drawn on the map.
-
-        Raise `MessageError` if a marker has an unsupported type or is in another frame.
-        """
+        """Accept a `visualization_msgs/MarkerArray`; raise `MessageError` if it cannot be shown."""
         self._markers.receive(message)
         self._check_frames("markers.header.frame_id", self._markers.frames)
 
@@ -90,10 +87,7 @@ class Viewer:
             raise MessageError(field, f"{self.frame_id!r}, that of the map", min(others))
 
     def update(self) -> str:
-        """Update the page; return an error message, or "" if there is no error.
-
-        After an error in the map or the settings, the page shows the message and the last map.
-        """
+        """Update the page; return an error message, or "" if there is no error."""
         page = self._page
         if page.is_watched:
             try:

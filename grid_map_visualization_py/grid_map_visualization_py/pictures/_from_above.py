@@ -54,10 +54,7 @@ class Blocks(NamedTuple):
 
 
 def block_side(axes: Any, size: tuple[int, int], max_drawn_cells: int | None) -> int:
-    """Return the side length [cells] of the blocks that become one pixel each.
-
-    `size` is the number of rows and columns. See `plot` for `max_drawn_cells`.
-    """
+    """Return the side length [cells] of the blocks that become one pixel each."""
     if max_drawn_cells is not None:
         return max(1, math.ceil(math.sqrt(size[0] * size[1] / (max_drawn_cells or math.inf))))
     # A color bar uses a fifth of the axes.

@@ -307,10 +307,7 @@ def _opened(grid_map: AnyMap) -> "GridMap | TiledMap":
 
 
 def _loaded(site: "GridMap | TiledMap", layers: set[str], cells: float) -> "GridMap":
-    """Return a `GridMap` unchanged, or load `layers` of a tiled map.
-
-    A large tiled map is downsampled, but keeps at least `cells` cells.
-    """
+    """Return a `GridMap` unchanged; load a tiled map with at least `cells` cells."""
     if isinstance(site, GridMap):
         return site
     names = [name for name in site.layers if name in layers] + sorted(layers - {*site.layers})

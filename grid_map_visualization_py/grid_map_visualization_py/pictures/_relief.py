@@ -43,12 +43,11 @@ def draw_relief(
 ) -> Colors:
     """Return a picture (height, width, 3) of the terrain on a white background.
 
+    See `plot_relief` for `size`, `azimuth` and `elevation`.
+
     Args:
         heights: (nx, ny) heights; NaN is drawn at the height of the nearest cell.
         colors: (nx, ny, 3) red, green, blue.
-        size: width and height of the picture [pixels].
-        azimuth: direction from the map to the camera [rad], measured from +x towards +y.
-        elevation: elevation angle of the camera [rad].
         scale: factor that converts the heights to cells and exaggerates them.
     """
     width, height = (_SUPERSAMPLING * side for side in size)
