@@ -176,17 +176,17 @@ def start_node(module: str, *arguments: str) -> Process:
 
 
 def running_node(module: str, *arguments: str) -> AbstractContextManager[Process]:
-    """Run `python -m module arguments` as a context manager; see `running`."""
+    """Run `python -m module arguments` as a context manager.
+
+    The node must run until the end of the context. After SIGINT, it must exit with code 0 and
+    without a traceback.
+    """
     return running(start_node(module, *arguments))
 
 
 @contextmanager
 def running(process: Process) -> Iterator[Process]:
-    """Return a context manager that stops a started node and checks how it ends.
-
-    The node must run until the end of the context. After SIGINT, it must exit with code 0 and
-    without a traceback.
-    """
+    """Return a context manager that stops a started node; see `running_node`."""
     try:
         yield process
         assert process.is_running, process.text

@@ -83,7 +83,7 @@ def to_costmap(
     """Convert a layer to a `nav2_msgs/Costmap` message.
 
     From Kilted on, `nav2_simple_commander.costmap_2d.PyCostmap2D` accepts the message. On Jazzy,
-    `PyCostmap2D` accepts only an `OccupancyGrid`, which `to_occupancy_grid` creates.
+    `PyCostmap2D` accepts only an `OccupancyGrid`: use `to_occupancy_grid` with the same codec.
 
     Args:
         data_min, data_max: layer values that become 0 (free) and 254 (lethal). They must differ.

@@ -58,9 +58,10 @@ def from_octomap(
 ) -> GridMap:
     """Create an elevation map from the highest occupied voxels of an octree.
 
-    The height of a voxel column is the z coordinate of its highest occupied voxel center within the
-    bounds. Columns without such a voxel are NaN. The map extends to the bounds. On sides without a
-    bound, it extends to the edge of the tree, including free space.
+    The height of a voxel column is the z coordinate of the center of its highest occupied voxel.
+    Only voxel centers within the bounds count. Columns without such a voxel are NaN. The map
+    extends to the bounds. On sides without a bound, it extends to the edge of the tree, including
+    free space.
 
     Args:
         message: an `octomap_msgs/Octomap`, or an object with the same fields. The tree is binary or

@@ -214,8 +214,9 @@ def from_point_cloud(
 def read_points(message: "PointCloud2") -> dict[str, npt.NDArray[Any]]:
     """Return the fields of a cloud as arrays with one element per point.
 
-    Points are in row-major order. For an organized cloud, reshape the arrays to `(message.height,
-    message.width)`. The arrays are views of the message data, unless rows are padded.
+    Points are in row-major order. For an organized cloud, reshape the arrays to
+    `(message.height, message.width)`. The arrays are views of the message data, unless rows are
+    padded.
 
     Returns:
         Arrays by field name. The shape is (N,), or (N, count) for `count` numbers per point.

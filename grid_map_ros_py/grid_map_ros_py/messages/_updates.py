@@ -27,7 +27,7 @@ GRID, COSTMAP = ("info", "width", "height", "b"), ("metadata", "size_x", "size_y
 def to_occupancy_grid_update(
     before: "OccupancyGrid", after: "OccupancyGrid"
 ) -> "OccupancyGridUpdate | None":
-    """Return the update that changes one grid to another, or None if all cells are equal.
+    """Return the update from one grid to another, or None if all cells are equal.
 
     The `map_msgs/OccupancyGridUpdate` covers the bounding rectangle of the changed cells.
 
@@ -39,7 +39,7 @@ def to_occupancy_grid_update(
 
 
 def to_costmap_update(before: "Costmap", after: "Costmap") -> "CostmapUpdate | None":
-    """Return the update that turns one costmap into another; see `to_occupancy_grid_update`."""
+    """Return the update from one costmap to another; see `to_occupancy_grid_update`."""
     messages = messages_of("nav2_msgs", "to_costmap_update")
     return filled(messages.CostmapUpdate(), before, after)
 
@@ -52,7 +52,7 @@ def apply_update(grid: Any, update: Any) -> Any:
         update: the `OccupancyGridUpdate` or `CostmapUpdate`.
 
     Raises:
-        MessageError: the update has the wrong frame or number of cells, or exceeds the grid.
+        MessageError: the update has the wrong frame or number of cells, or extends beyond the grid.
     """
     values, _, (_, *sides, _) = _read(grid)
     check_fields(update, "update of this kind of grid", "header.frame_id", "x", "y", *sides)

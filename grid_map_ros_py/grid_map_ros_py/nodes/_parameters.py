@@ -156,10 +156,10 @@ def read_parameter_tree(
 ) -> dict[str, Any]:
     """Declare all parameters below a prefix and return them as nested dictionaries.
 
-    `filters.filter1.params.radius: 1` under the prefix `filters` becomes `{"filter1": {"params":
-    {"radius": 1}}}`. Names may contain any character except the separating dot, so `min/value` is a
-    single name. Values keep their types from the file, except that arrays become lists. Empty
-    lists, empty mappings and null have no type in ROS, and become None.
+    `filters.filter1.params.radius: 1` under the prefix `filters` becomes
+    `{"filter1": {"params": {"radius": 1}}}`. Names may contain any character except the separating
+    dot, so `min/value` is a single name. Values keep their types from the file, except that arrays
+    become lists. Empty lists, empty mappings and null have no type in ROS, and become None.
 
     Args:
         prefix: root of the tree.

@@ -190,7 +190,8 @@ class MapSubscription(LatchedSubscription):
     """Subscription to `grid_map_msgs/GridMap` that also receives the last map of a latched topic.
 
     The callback receives a `ReceivedMap` and decodes the layers that it needs. If the callback
-    raises a `GridMapError`, the map is dropped and the error is logged.
+    raises a `GridMapError`, the map is dropped and the error is logged. A `NodeFailedError` ends
+    the node.
 
     Example:
         >>> def on_map(received):
