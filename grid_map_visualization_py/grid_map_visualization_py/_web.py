@@ -48,8 +48,8 @@ def names_of(host: str, allowed_hosts: Sequence[str]) -> set[str]:
 def is_allowed(headers: Mapping[str, str] | HTTPMessage, names: Container[str]) -> bool:
     """Return True if the page may answer a request with these headers.
 
-    `Host` must be an IP address or one of `names`, to prevent DNS rebinding (foreign names that
-    resolve to this machine). `Origin`, which only browsers send, may be missing. If it exists, it
+    `Host` must be an IP address or one of `names`. This rule prevents DNS rebinding (foreign names
+    that resolve to this machine). `Origin`, which only browsers send, may be missing. Otherwise, it
     must be the page itself.
     """
     host = headers.get("Host", "").lower()

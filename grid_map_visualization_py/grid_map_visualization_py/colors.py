@@ -62,8 +62,8 @@ class Coloring:
     """Rule for coloring cells: with a color map, with packed colors, or in one color.
 
     Attributes:
-        mode: "intensity" maps the values of `layer` to colors of `color_map`, "color" unpacks the
-            colors in `layer`, and "flat" uses `color` for all cells.
+        mode: "intensity" maps the values of `layer` to colors of `color_map`. "color" unpacks the
+            colors in `layer`. "flat" uses `color` for all cells.
         layer: name of the layer.
         color_map: name of the color map.
         lower, upper: values at the ends of the color map; None means the smallest and the largest
@@ -95,9 +95,9 @@ class Coloring:
     def bounds(self, values: npt.NDArray[np.float32]) -> tuple[float, float]:
         """Return the values at the lower and upper end of the color map for an array of values.
 
-        If `lower` is None, it becomes the smallest finite value, but at most `upper`. If `upper` is
-        None, it becomes the largest finite value, but at least `lower`. Without finite values, a
-        missing bound equals the other bound; if both are missing, both become 0.
+        A missing lower bound is the smallest finite value, but at most `upper`. A missing upper
+        bound is the largest finite value, but at least `lower`. Without finite values, a missing
+        bound equals the other bound; if both are missing, both are 0.
         """
         lower = min_of_finites(values) if self.lower is None else self.lower
         upper = max_of_finites(values) if self.upper is None else self.upper

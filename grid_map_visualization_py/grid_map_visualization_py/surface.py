@@ -2,13 +2,13 @@
 """Triangulate a height layer for markers and meshes.
 
 The corners of the triangles are cell centers. A square of four neighboring cells becomes two
-triangles if all four heights are finite, one triangle if three are finite, and a hole otherwise.
-The square is split along the diagonal with the smaller height difference, so that edges and ridges
-are straight. If the differences are equal, the higher diagonal is used.
+triangles if all four heights are finite. It becomes one triangle if three heights are finite, and a
+hole otherwise. The square is split along the diagonal with the smaller height difference, so that
+edges and ridges are straight. If the differences are equal, the higher diagonal is used.
 
 If a map has more than `max_drawn_cells` cells, only the border and every n-th row and column are
-kept. Values are not averaged. Rows and columns are chosen by position in the map frame, so that the
-surface of a moving map does not flicker.
+kept. Values are not averaged. Rows and columns are chosen by their position in the map frame.
+Therefore, the surface of a moving map does not flicker.
 """
 
 from collections.abc import Iterator

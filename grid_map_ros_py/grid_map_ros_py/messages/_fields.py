@@ -70,7 +70,7 @@ def from_stamp(stamp: "Time", field: str = "header.stamp") -> int:
 
 
 def to_header(grid_map: GridMap) -> "Header":
-    """Return a message header with the frame and time of a map; warn if the map has a `crs`."""
+    """Return the message header of a map; warn if the map has a `crs`."""
     say_crs_is_lost(grid_map, "a message", stacklevel=4)
     return messages_of("std_msgs").Header(
         stamp=to_stamp(grid_map.timestamp), frame_id=grid_map.frame_id

@@ -6,13 +6,13 @@ little-endian:
 
 - The binary form stores only inner nodes. A node consists of two bits for each of its eight
   children: unknown (0), free (1), occupied (2) or inner node (3).
-- The full form stores every node. A node consists of its log-odds (float32), three color bytes if
-  the tree has colors, and a byte whose bits mark the existing children.
+- The full form stores every node. A node consists of its log-odds (float32), an optional color
+  (three bytes), and a byte whose bits mark the existing children.
 
 The root is a cube around the origin with 65536 voxels per side. A voxel is a node of depth 16.
 
-Children are numbered from 0 to 7. Bit 0 of the number is set if the child is in the half of its
-parent with the larger x. Bits 1 and 2 stand for y and z in the same way.
+Children are numbered from 0 to 7. Bit 0 of the number is set in the half of the parent with the
+larger x. Bits 1 and 2 stand for y and z in the same way.
 """
 
 from collections.abc import Iterator

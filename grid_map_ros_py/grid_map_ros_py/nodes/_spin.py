@@ -63,8 +63,8 @@ def run(create_node: Callable[[], Node], args: Sequence[str] | None = None) -> i
     the current callback. A second signal interrupts the callback and ends the process. Under
     `nohup`, SIGHUP is ignored.
 
-    The function logs a `NodeFailedError` from a callback, and a `GridMapError` or a ROS error from
-    `create_node`, such as an invalid name. All other exceptions propagate. A warning lists
+    A `NodeFailedError` from a callback is logged. Also logged are a `GridMapError` and a ROS error
+    from `create_node`, such as an invalid name. All other exceptions propagate. A warning lists
     parameters that are set but not declared. The node reports its state on `/diagnostics`.
 
     Args:

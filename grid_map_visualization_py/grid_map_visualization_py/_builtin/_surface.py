@@ -23,8 +23,8 @@ class SurfaceVisualization:
     Attributes:
         height_layer: layer with the heights [m].
         flat: draw the surface at height zero.
-        color_mode: "intensity" colors the surface by `color_layer`, using the color map, "color"
-            reads packed colors from `color_layer`, and "flat" draws the surface in `color`.
+        color_mode: "intensity" maps the values of `color_layer` to colors. "color" reads packed
+            colors from `color_layer`. "flat" draws the surface in `color`.
         color_layer: layer that determines the colors; empty means `height_layer`.
         color_map: name of a Matplotlib color map.
         lower: value at the lower end of the color map (default: the smallest value).

@@ -126,8 +126,8 @@ def save_animation(
         path: path of the .gif or .mp4 file; an existing file is replaced.
         speed: playback speed relative to the recording.
         dpi: pixels per inch.
-        progress: called with the number of drawn maps and the total number of maps, after each map
-            that is read or drawn.
+        progress: called after each map with the number of drawn maps and the number of all maps.
+            The number of drawn maps stays 0 while the maps are first read.
         options: keyword arguments of `plot`, except `ax`.
 
     Raises:
