@@ -202,10 +202,8 @@ def refusals(
 ) -> list[str]:
     """Start nodes that must fail with exit code 1; return their error messages, one line each.
 
-    Args:
-        starts: the `main` function of each node, such as "package.module:Class.main", and its
-            arguments.
-        missing: modules whose import fails in the nodes, as if a package were not installed.
+    `starts` contains `main` functions, such as "package.module:Class.main", and their arguments.
+    Imports of the modules in `missing` fail.
     """
     given = json.dumps([starts, missing])
     process = Process([sys.executable, "-c", REFUSALS, given])

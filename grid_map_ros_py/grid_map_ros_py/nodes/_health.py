@@ -92,7 +92,6 @@ class Health:
         self._discovered = time.monotonic() + PATIENCE
 
     def report(self, node: Node) -> None:
-        """Publish the state of the node if there are subscribers."""
         if self._publisher.get_subscription_count():
             level = DiagnosticStatus.WARN if self.problem else DiagnosticStatus.OK
             if self._last_was_dropped:
@@ -182,10 +181,7 @@ class LogThrottle:
 
 @contextmanager
 def dropping(log: LogThrottle, what: str) -> Iterator[None]:
-    """Log a `GridMapError` or `MemoryError` of the context, with the prefix `what`.
-
-    A `TiltedFrameError` is logged as a warning. A `NodeFailedError` propagates.
-    """
+    """Log errors in `DROPPED`, except `NodeFailedError`, with the prefix `what`."""
     try:
         yield
     except NodeFailedError:

@@ -91,9 +91,7 @@ class PoseHistory(Poses):
     """Robot poses over time, with interpolation between poses.
 
     Args:
-        map_frame: frame of the poses.
         sensor: (4, 4) transform from the frame of the scans to the robot frame.
-        limit: maximum number of stored poses.
         track_point: (3,) point that the map follows [m], robot frame.
         with_covariances: include the covariances of the poses in placements.
 
@@ -194,11 +192,7 @@ class PoseHistory(Poses):
         return end if before == after else between(begin, end, share)
 
     def covariance_at(self, stamp: int) -> Covariance | None:
-        """Return the pose covariance at the time `stamp` [ns], or None if it is unknown.
-
-        The covariance is interpolated between poses, and constant before the first and after the
-        last pose. If `stamp` is 0, the latest pose is used.
-        """
+        """Return the pose covariance at the time `stamp` [ns] (0: latest), or None if unknown."""
         if not self._stamps:
             return None
         before, after, share = self._around(stamp)

@@ -162,10 +162,7 @@ class ScanQueue:
         return self.work()
 
     def work(self) -> int:
-        """Fuse the scans whose poses are known; return the number of fused scans.
-
-        Call this after each new pose, and periodically, to drop scans that have waited too long.
-        """
+        """Fuse scans with known poses, drop expired scans, and return how many were fused."""
         fused = self.statistics.fused
         # A waiting scan does not delay scans of other frames.
         self._waiting = deque(entry for entry in self._waiting if not self._finish(*entry))
@@ -252,7 +249,6 @@ class ScanInputs:
         return sensor.topic
 
     def work(self) -> None:
-        """Fuse the scans whose poses are known, and warn about silent sensors."""
         if self._prepare:
             self._prepare()
         now = time.monotonic()

@@ -139,8 +139,6 @@ class ConfiguredNode(Node):
 
 
 class _Life:
-    """Life cycle of a node, including signal handling."""
-
     def __init__(self, args: list[str]) -> None:
         self._args = args
         self._node: Any = None

@@ -102,7 +102,6 @@ class RerunViewerNode(ConfiguredNode):
         Node.destroy_node(self)
 
     def _write(self) -> None:
-        """Write the newest messages to Rerun, and report messages that cannot be shown."""
         health = health_of(self)
         for refusal in self._live.write():
             health.drop_used(refusal)

@@ -34,10 +34,7 @@ Slow browsers block Rerun for several seconds while they load the page.
 class LiveScene:
     """Queues the newest messages of each topic until they are written to Rerun.
 
-    Attributes:
-        shown: number of written messages.
-        replaced: number of messages that were replaced by newer ones before they were written.
-        problem: error message if Rerun currently accepts no data, or "".
+    `replaced` counts messages that newer messages replaced before they were written.
     """
 
     def __init__(self, recording: Any, style: Style) -> None:

@@ -58,7 +58,6 @@ class Server:
     Attributes:
         recording: a `rerun.RecordingStream`, whose methods may block while the program hangs.
         page_url: URL of the page; Rerun options such as `?renderer=webgl` may be appended.
-        is_public: True if other machines can reach the page.
     """
 
     def __init__(

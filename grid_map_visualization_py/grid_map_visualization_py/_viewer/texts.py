@@ -44,8 +44,7 @@ def status(
 ) -> str:
     """Return the HTML table with the status of the map.
 
-    `shown` is the number of shown rows and columns, and `rate` is the map rate [Hz]. `silence` is
-    the time since the last map [s], and `now` is the ROS time [ns].
+    `rate` is the map rate [Hz]. `silence` is the time since the last map [s]. `now` is in ns.
     """
     stamp = grid_map.timestamp
     age = 1e-9 * (now - stamp)

@@ -118,7 +118,6 @@ class Viewer:
         return self._problem
 
     def _draw(self, grid_map: GridMap) -> None:
-        """Draw the path and the markers that are in the frame of the map."""
         if (settings := self._settings) is None:
             return
         points = self._path if self._path_frame == grid_map.frame_id else self._path[:0]
