@@ -29,7 +29,7 @@ def reason(error: Exception) -> str:
 
 
 class MessageError(GridMapError, ValueError):
-    """A message, or a value for a message, is inconsistent or invalid.
+    """A message is invalid, or a value cannot be stored in a message.
 
     Attributes:
         field: path of the field in the message, such as `data[0].layout.dim[1].size`.
@@ -60,7 +60,7 @@ class BagError(GridMapError):
 
 
 class NodeFailedError(GridMapError):
-    """Raised by a callback to end its node: `run` logs the error and returns 1."""
+    """Raise this error in a callback to end the node. `run` then logs the error and returns 1."""
 
 
 class RequestError(GridMapError):
@@ -68,4 +68,4 @@ class RequestError(GridMapError):
 
 
 class TiltedFrameError(GridMapError):
-    """The roll or pitch of a frame is too large; nodes log this error as a warning."""
+    """The roll or pitch of a frame is too large. Nodes log this error as a warning."""

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Test helpers for nodes: start real processes and exchange messages with them over DDS.
+"""Test helpers that start nodes as processes and exchange messages with them.
 
-The processes and peers of one test process share a ROS domain that no other test uses.
+All nodes that a test process starts share a ROS domain, which no other test process uses.
 """
 
 import atexit
@@ -90,8 +90,7 @@ reserved_domain = cache(reserve_domain)
 def environment(domain: int | None = None) -> dict[str, str]:
     """Return environment variables that let processes discover only each other.
 
-    The variables select the ROS domain `domain`; None means the domain of `reserved_domain`. Other
-    ROS settings of the caller's shell, such as a discovery server, are removed.
+    `domain` is the ROS domain ID; None means `reserved_domain`. Other ROS settings are removed.
     """
     settings = {name for name in os.environ if name.startswith(("ROS_", "RCUTILS_"))}
     settings -= {"ROS_DISTRO", "ROS_HOME", "ROS_LOG_DIR", "ROS_PYTHON_VERSION", "ROS_VERSION"}
@@ -110,7 +109,7 @@ def wait_until(
     step: Callable[[], object] = lambda: time.sleep(0.02),
     timeout: float = TIMEOUT,
 ) -> None:
-    """Call `step` until `condition()` holds; fail after `timeout` [s] with `what` in the error."""
+    """Call `step` until `condition()` is true; fail after `timeout` [s] and report `what`."""
     deadline = time.monotonic() + timeout
     while not condition():
         assert time.monotonic() < deadline, f"waited in vain for {what}"
@@ -118,9 +117,7 @@ def wait_until(
 
 
 class Process(subprocess.Popen[bytes]):
-    """Process in its own process group that writes its output to a file.
-
-    Unlike output in a pipe, what the process has written is in `lines` without delay.
+    """Process in its own process group; `lines` contains its output without delay.
 
     Args:
         command: the program and its arguments.
@@ -141,7 +138,7 @@ class Process(subprocess.Popen[bytes]):
 
     @property
     def lines(self) -> list[str]:
-        """Complete lines of stdout and stderr so far, except the harmless `OTHER_WAS_FASTER`."""
+        """Complete lines of stdout and stderr so far, without a harmless message of Fast DDS."""
         file = self._output.fileno()
         text = os.pread(file, os.fstat(file).st_size, 0).decode(errors="replace")
         if self.returncode is None:
@@ -163,11 +160,8 @@ class Process(subprocess.Popen[bytes]):
         return super().wait(timeout)
 
     def stop(self) -> None:
-        """End the process group with SIGTERM, or with SIGKILL if it is still running after 10 s.
-
-        SIGTERM comes first, because a process that is killed during startup can leave an empty file
-        in shared memory, which makes new ROS processes in all domains hang (Fast DDS 2.14).
-        """
+        """End the process group with SIGTERM, or with SIGKILL if it still runs after 10 s."""
+        # A process killed during startup can make all new ROS processes hang (Fast DDS 2.14).
         for number in (signal.SIGTERM, signal.SIGKILL):
             if self.is_running:
                 os.killpg(self.pid, number)
@@ -182,17 +176,17 @@ def start_node(module: str, *arguments: str) -> Process:
 
 
 def running_node(module: str, *arguments: str) -> AbstractContextManager[Process]:
-    """Run `python -m module arguments` as a context manager; see `running`."""
+    """Run `python -m module arguments` as a context manager.
+
+    The node must run until the end of the context. After SIGINT, it must exit with code 0 and
+    without a traceback.
+    """
     return running(start_node(module, *arguments))
 
 
 @contextmanager
 def running(process: Process) -> Iterator[Process]:
-    """Return a context manager that stops a started node and checks how it ends.
-
-    At the end of the context, the node must still be running, and SIGINT must end it with exit
-    code 0 and without a traceback.
-    """
+    """Return a context manager that stops a started node; see `running_node`."""
     try:
         yield process
         assert process.is_running, process.text
@@ -208,10 +202,8 @@ def refusals(
 ) -> list[str]:
     """Start nodes that must fail with exit code 1; return their error messages, one line each.
 
-    Args:
-        starts: the `main` function of each node, such as "package.module:Class.main", and its
-            arguments.
-        missing: modules whose import fails in the nodes, as if a package were not installed.
+    `starts` contains `main` functions, such as "package.module:Class.main", and their arguments.
+    Imports of the modules in `missing` fail.
     """
     given = json.dumps([starts, missing])
     process = Process([sys.executable, "-c", REFUSALS, given])
@@ -270,7 +262,7 @@ class Peer:
 
 @contextmanager
 def peer(domain: int | None = None) -> Iterator[Peer]:
-    """Return a context manager that provides a `Peer` in a ROS domain; see `environment`."""
+    """Return a context manager for a `Peer`; the default domain is that of the test process."""
     context = Context()
     with patch.dict(os.environ, environment(domain), clear=True):
         rclpy.init(context=context)

@@ -24,7 +24,6 @@ def usual_layer(site: "GridMap | TiledMap") -> str:
 
 
 def is_heights(layer: str) -> bool:
-    """Return True if a layer name indicates heights."""
     return bool(_HEIGHTS.match(layer)) and not _NO_HEIGHTS.search(layer)
 
 

@@ -12,7 +12,7 @@ from grid_map_ros_py import from_pose
 
 
 def orientation_of(marker: Any) -> Any:
-    """Return the quaternion of a marker; as in RViz, an all-zero quaternion means no rotation."""
+    """Return the quaternion of a marker; as in RViz, all zeros mean no rotation."""
     q = marker.pose.orientation
     return q if any((q.x, q.y, q.z, q.w)) else SimpleNamespace(x=0.0, y=0.0, z=0.0, w=1.0)
 
@@ -31,12 +31,12 @@ def points_of(marker: Any, pose: Positions) -> Positions:
 
 
 def rgba_of(marker: Any) -> npt.NDArray[np.uint8]:
-    """Return the RGBA values (N, 4) of `colors` or, if `colors` is empty, of `color` (1, 4)."""
+    """Return `colors` as RGBA values (N, 4); if `colors` is empty, return `color` (1, 4)."""
     colors = np.array([(c.r, c.g, c.b, c.a) for c in marker.colors or [marker.color]])
     rgba: npt.NDArray[np.uint8] = np.rint(255 * np.clip(colors, 0, 1)).astype(np.uint8)
     return rgba
 
 
 def of_points(rgba: npt.NDArray[np.uint8], count: int) -> npt.NDArray[np.uint8]:
-    """Expand one color, or one color per triangle, to one color for each of `count` points."""
+    """Repeat one color, or one color per triangle, to one color for each of `count` points."""
     return np.repeat(rgba, -(-count // len(rgba)), axis=0)[:count]

@@ -39,10 +39,7 @@ class LineMarker:
     def marker(
         self, grid_map: GridMap, points: npt.NDArray[np.float64], kind: int, namespace: str
     ) -> bytes:
-        """Return a serialized `visualization_msgs/Marker` with points (N, 3) [m] in the map frame.
-
-        `kind` is `Marker.LINE_LIST` or `Marker.LINE_STRIP`.
-        """
+        """Return a serialized line list or line strip with points (N, 3) [m] in the map frame."""
         marker = Marker(header=to_header(grid_map), ns=namespace, type=kind, action=Marker.ADD)
         marker.scale.x = self.line_width
         rgba = np.append(color_value_to_vector(self.color), np.float32(1))

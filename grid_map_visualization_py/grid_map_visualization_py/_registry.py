@@ -2,7 +2,7 @@
 """Registry of visualizations by YAML type name.
 
 Other packages add types through the entry-point group `grid_map_visualization_py.visualizations`.
-The name of an entry point is the type name, and its value refers to a `Visualization` class.
+An entry point has the type name as its name, and a `Visualization` class as its value.
 """
 
 from collections.abc import Mapping
@@ -64,7 +64,7 @@ def create(name: str, config: Mapping[str, object]) -> Visualization:
 
     Raises:
         ConfigError: the type or a parameter is unknown, missing or invalid, or a package is not
-            installed. The message names the visualization, its type and the cause.
+            installed.
     """
     type_name: Any = config.get("type")
     # ROS passes an empty mapping as an unset parameter, which is None here.

@@ -33,13 +33,13 @@ def is_loopback(host: str) -> bool:
 
 
 def url_of(host: str, port: int) -> str:
-    """Return the URL of a page; wildcard addresses are replaced by the name of this machine."""
+    """Return the URL of a page; the machine name replaces wildcard addresses."""
     name = socket.gethostname() if host in {"", "0.0.0.0", "::"} else host
     return f"http://[{name}]:{port}" if ":" in name else f"http://{name}:{port}"
 
 
 def names_of(host: str, allowed_hosts: Sequence[str]) -> set[str]:
-    """Return the host names under which browsers may open a page that is served at `host`."""
+    """Return the host names under which browsers may open a page at `host`."""
     machine = socket.gethostname()
     names = {host, "localhost", machine, f"{machine}.local", *allowed_hosts}
     return {name.lower() for name in names}
@@ -49,8 +49,8 @@ def is_allowed(headers: Mapping[str, str] | HTTPMessage, names: Container[str]) 
     """Return True if the page may answer a request with these headers.
 
     `Host` must be an IP address or one of `names`. This rule prevents DNS rebinding (foreign names
-    that resolve to this machine). If `Origin` exists, it must be the page itself. Only browsers
-    send this header, and not with every request.
+    that resolve to this machine). `Origin`, which only browsers send, may be missing. Otherwise, it
+    must be the page itself.
     """
     host = headers.get("Host", "").lower()
     origin = headers.get("Origin", f"http://{host}")

@@ -1,11 +1,12 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Convert the values of a layer to colors.
 
-A color map is a named sequence of colors, such as viridis. All outputs (RViz, browser, pictures)
-use Matplotlib color maps (see
-https://matplotlib.org/stable/gallery/color/colormap_reference.html). Matplotlib is imported on
-first use. Colors are red, green, blue in [0, 255]. A layer can also contain colors, each packed
-into one float32; see `grid_map_core_py.conversions`.
+A color map is a named sequence of colors, such as viridis. RViz messages, web pages and pictures
+use the color maps of Matplotlib:
+https://matplotlib.org/stable/gallery/color/colormap_reference.html
+
+Colors are red, green and blue in [0, 255]. A layer can also contain packed colors, with one color
+in each float32 value; see `grid_map_core_py.conversions`.
 """
 
 from dataclasses import dataclass
@@ -61,8 +62,8 @@ class Coloring:
     """Rule for coloring cells: with a color map, with packed colors, or in one color.
 
     Attributes:
-        mode: "intensity" maps the values of `layer` to colors of `color_map`, "color" unpacks the
-            colors in `layer`, and "flat" uses `color` for all cells.
+        mode: "intensity" maps the values of `layer` to colors of `color_map`. "color" unpacks the
+            colors in `layer`. "flat" uses `color` for all cells.
         layer: name of the layer.
         color_map: name of the color map.
         lower, upper: values at the ends of the color map; None means the smallest and the largest
@@ -94,9 +95,9 @@ class Coloring:
     def bounds(self, values: npt.NDArray[np.float32]) -> tuple[float, float]:
         """Return the values at the lower and upper end of the color map for an array of values.
 
-        If `lower` is None, it becomes the smallest finite value, but at most `upper`. If `upper` is
-        None, it becomes the largest finite value, but at least `lower`. Without finite values, a
-        missing bound equals the other bound; if both are missing, both become 0.
+        A missing lower bound is the smallest finite value, but at most `upper`. A missing upper
+        bound is the largest finite value, but at least `lower`. Without finite values, a missing
+        bound equals the other bound; if both are missing, both are 0.
         """
         lower = min_of_finites(values) if self.lower is None else self.lower
         upper = max_of_finites(values) if self.upper is None else self.upper
@@ -111,7 +112,8 @@ class Coloring:
     def __call__(self, values: npt.NDArray[np.float32]) -> Colors:
         """Return the colors (..., 3) for an array (...) of layer values.
 
-        NaN is gray, except in the mode "flat". A color map has 256 equal steps with one color each.
+        NaN is gray, except in the mode "flat". A color map has 256 colors, each for an equal part
+        of the value range.
         """
         if self.mode == "flat":
             one = np.stack(color_value_to_bytes(np.array(self.color)))
@@ -134,7 +136,6 @@ class Coloring:
 
 @cache
 def _table(name: str) -> Colors:
-    """Return the (256, 3) colors of a color map."""
     maps = _all_color_maps()
     if name not in maps:
         similar = hint(name, maps, 3) or "; such as viridis, turbo, terrain"

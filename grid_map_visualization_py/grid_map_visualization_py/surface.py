@@ -2,13 +2,13 @@
 """Triangulate a height layer for markers and meshes.
 
 The corners of the triangles are cell centers. A square of four neighboring cells becomes two
-triangles if all four heights are finite, one triangle if three are finite, and a hole otherwise.
-The square is split along the diagonal with the smaller height difference (the higher diagonal if
-the differences are equal), so that edges and ridges are straight.
+triangles if all four heights are finite. It becomes one triangle if three heights are finite, and a
+hole otherwise. The square is split along the diagonal with the smaller height difference, so that
+edges and ridges are straight. If the differences are equal, the higher diagonal is used.
 
 If a map has more than `max_drawn_cells` cells, only the border and every n-th row and column are
-kept. Values are not averaged. Rows and columns are chosen by position in the map frame, so that the
-surface of a moving map does not flicker.
+kept. Values are not averaged. Rows and columns are chosen by their position in the map frame.
+Therefore, the surface of a moving map does not flicker.
 """
 
 from collections.abc import Iterator
@@ -57,8 +57,8 @@ class Mesh:
 class Surface:
     """Surface of a map: the shown cells and the triangles between cell centers.
 
-    Arrays of cells have the shape (columns, rows): layers in map order are transposed, which makes
-    them contiguous in memory. Triangles refer to cells by index in the flattened array.
+    Arrays of cells have the shape (columns, rows); they are transposed layers in map order.
+    Triangles refer to cells by index in the flattened array.
 
     Args:
         grid_map: the map.
@@ -179,9 +179,9 @@ class Surface:
 def _triangles(valid: Mask, heights: Layer) -> Iterator[tuple[Mask, tuple[int, int, int]]]:
     """Yield (mask, offsets) for each of four groups of triangles.
 
-    Each triangle omits one corner of a square of four cells, the same corner within a group. `mask`
-    (flattened) marks the first cells of the squares. The index of a first cell plus `offsets` gives
-    the three corners of the triangle.
+    All triangles of a group omit the same corner of a square of four cells. `mask` (flattened)
+    marks the first cells of the squares. The index of a first cell plus `offsets` gives the three
+    corners of the triangle.
     """
     rows = valid.shape[1]
     is_first = np.ones(valid.shape, np.bool_)

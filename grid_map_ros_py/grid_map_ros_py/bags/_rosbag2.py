@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Reader and writer of MCAP bag files based on `rosbag2_py`, used if `mcap` is not installed."""
+"""Reads and writes MCAP bag files with `rosbag2_py`, if the package `mcap` is not installed."""
 
 import shutil
 from collections import Counter
@@ -25,11 +25,7 @@ def _opened(kind: str, uri: Path, preset: str = "") -> Any:
 
 
 class Rosbag2File:
-    """An MCAP file, open for reading.
-
-    `Entry.place` is (index of the message in reading order, topic, number of earlier messages on
-    the topic with the same time). `Topic.qos` stays empty.
-    """
+    """An MCAP file, open for reading."""
 
     def __init__(self, path: Path, *, recover: bool = False) -> None:
         if recover:
@@ -47,6 +43,7 @@ class Rosbag2File:
         while self._reader.has_next():
             topic, _, time = self._reader.read_next()
             if topic in topics:  # an empty filter accepts all topics
+                # `read` skips earlier messages on the topic with the same time.
                 found.append((Entry(time, (len(found), topic, counts[topic, time])), topic))
                 counts[topic, time] += 1
         return sorted(found)
@@ -67,16 +64,13 @@ class Rosbag2File:
 
 
 class Rosbag2Writer:
-    """Writes serialized messages to a new MCAP file, without reserving disk space.
-
-    `rosbag2_py` can only write whole bags. Therefore, the writer creates a temporary bag next to
-    `path`, and `finish` moves the file from there to `path`.
-    """
+    """Writes serialized messages to a new MCAP file."""
 
     def __init__(self, path: Path, compression: str = "none", **_: object) -> None:
         if compression not in _PRESETS:
             raise MissingPackageError("mcap", f"compression {compression!r}")
         self._path, self._topics = path, set[str]()
+        # `rosbag2_py` can only write whole bags; `finish` moves the file out of this bag.
         self._folder = path.with_name(path.stem.removesuffix("_0"))
         self._writer: Any = _opened("SequentialWriter", self._folder, _PRESETS[compression])
 
@@ -99,7 +93,7 @@ class Rosbag2Writer:
         file.rename(self._path)
 
     def close(self) -> None:
-        """Close the file and delete the temporary bag; call `finish` first to keep the file."""
+        """Close and delete the temporary bag. Without `finish`, the file is lost."""
         self._writer = None
         shutil.rmtree(self._folder, ignore_errors=True)
 

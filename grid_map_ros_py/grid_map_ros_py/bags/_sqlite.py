@@ -32,10 +32,7 @@ CREATE INDEX timestamp_idx ON messages (timestamp ASC);
 
 
 class SqliteWriter:
-    """Writes serialized messages to a new rosbag2 database at `path`.
-
-    If `in_place` is true, each message is committed at once, so that it survives a crash.
-    """
+    """Writes a new sqlite3 bag file; with `in_place`, written messages survive a crash."""
 
     def __init__(self, path: Path, *, in_place: bool = False) -> None:
         self._database = sqlite3.connect(path, isolation_level=None if in_place else "DEFERRED")

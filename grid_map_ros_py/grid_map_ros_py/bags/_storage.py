@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Topics, entries, errors and metadata of bags, shared by the MCAP and sqlite3 storages."""
+"""Types and functions shared by the readers and writers of MCAP and sqlite3 bags."""
 
 import json
 import os
@@ -23,12 +23,7 @@ GRID_MAP_TYPE = "grid_map_msgs/msg/GridMap"
 class Topic(NamedTuple):
     """Type and encoding of the messages on a topic.
 
-    Attributes:
-        type: name of the message type, such as `grid_map_msgs/msg/GridMap`.
-        encoding: serialization format, usually `cdr`.
-        qos: quality-of-service profiles of the publishers, as a YAML list; may be empty.
-        definition: definition of the message type and all nested types; may be empty.
-        type_hash: type hash (REP-2011); may be empty.
+    `qos` lists the profiles of the publishers in YAML. `type_hash` is defined in REP-2011.
     """
 
     type: str
@@ -39,7 +34,7 @@ class Topic(NamedTuple):
 
 
 class Entry(NamedTuple):
-    """Time [ns] of a message, and its place in the storage, such as a row ID in sqlite3."""
+    """Time [ns] and location of a message in a bag file. In sqlite3, the location is a row ID."""
 
     time: int
     place: Any
@@ -109,7 +104,7 @@ def information(
 
 
 def dump(document: object) -> str:
-    """Serialize a document to YAML without aliases, because some readers do not support them."""
+    """Serialize a document to YAML without aliases, which some readers do not support."""
     text: str = yaml.safe_dump(json.loads(json.dumps(document)), sort_keys=False)
     return text
 
@@ -147,10 +142,7 @@ def save(folder: Path, document: object) -> None:
 
 
 def files_of(path: Path, *, recover: bool = False) -> list[Path]:
-    """Return the storage files of a bag in recording order.
-
-    If `recover` is true, the metadata file may be missing, as after an interrupted recording.
-    """
+    """Return the files of a bag in recording order; with `recover`, metadata may be missing."""
     if path.is_file():
         return [path]
     if not path.is_dir():

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Conversions between grid maps and ROS messages.
 
-Conversions from messages validate the whole message before they allocate memory. Conversions in
-both directions raise these errors:
+Every message is validated before memory is allocated for the map. The conversions raise these
+errors:
 
-- `MessageError`: a message is inconsistent, or cannot hold a value.
+- `MessageError`: a message is invalid, or a value cannot be stored in a message.
 - `LayerNotFoundError`: the map lacks a layer.
 - `LimitError`: a map has too many cells.
 - `MissingPackageError`: a message package is not installed.

@@ -1,9 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Serialization of messages to CDR, the byte format of DDS and rosbag2, without rclpy.
-
-Damaged data raises a `MessageError` that names the field. The reader compares each length with the
-number of remaining bytes, so that memory use stays below a small multiple of the data size.
-"""
+"""Reads and writes messages in CDR, the serialization format of DDS, without rclpy."""
 
 import array
 import re
@@ -63,14 +59,13 @@ def serialize(
     arrays: Mapping[str, npt.NDArray[Any]] = _NONE,
     message_type: MessageType | None = None,
 ) -> bytes:
-    """Serialize a message to CDR, which publishers accept in place of a message.
+    """Serialize a message to CDR; publishers accept the result in place of a message.
 
     Args:
         message: any ROS message, or an object with the same attributes, such as a result of `view`.
-        arrays: values that replace sequence fields of `message`, by field name. Arrays are faster
-            for long sequences. The shape is (N,) for a sequence of N numbers, or (N, k) for a
-            sequence of N messages that consist of k numbers of one type. The dtype must match the
-            numbers in the field.
+        arrays: arrays that replace sequence fields of `message`, by field name. Arrays are faster
+            for long sequences. A sequence of N numbers has the shape (N,). A sequence of N messages
+            with k numbers each has the shape (N, k). The dtype must match the numbers in the field.
         message_type: type of the message, as for `view`; None means the class of `message`.
     """
     for name in arrays:
@@ -83,24 +78,21 @@ def serialize(
 def view(data: Buffer, message_type: MessageType) -> Any:
     """Deserialize a CDR message to an object with the attributes of the message.
 
-    Nested messages are converted in the same way. Sequences and arrays of numbers become NumPy
-    arrays; those of a little-endian message are views of `data`. Bytes after the message are
+    Nested messages become such objects too. Sequences of numbers become NumPy arrays. If the
+    message is little-endian, the arrays share the memory of `data`. Bytes after the message are
     ignored.
 
     Args:
         data: the serialized message, little- or big-endian.
-        message_type: class of the message. For types that `grid-map view` shows, the type name,
-            such as "grid_map_msgs/GridMap", is enough and requires no message package.
+        message_type: class of the message. The types that `grid-map view` shows can also be given
+            by name, such as "grid_map_msgs/GridMap". A name requires no message package.
     """
     return _struct(message_type).read(_Reader(data))
 
 
 @dataclass(frozen=True)
 class Reordered:
-    """Values (N,) that are serialized in another order.
-
-    `write(array)` copies the values to an array (N,) in the new order.
-    """
+    """Values (N,) to serialize in a new order; `write` copies them to an array in that order."""
 
     values: npt.NDArray[Any]
     write: Callable[[npt.NDArray[Any]], object]
@@ -182,10 +174,7 @@ class _Reader:
         return self.data[begin : begin + size]
 
     def count(self, bound: int, smallest: int) -> int:
-        """Read the length of a sequence or string whose values have at least `smallest` bytes.
-
-        Raise `MessageError` if the length exceeds `bound` or the remaining data.
-        """
+        """Read a sequence length; raise `MessageError` if it exceeds `bound` or the data."""
         number: int = _COUNT.read(self)
         if number > bound:
             raise MessageError("", f"at most {bound} values", number)
@@ -200,7 +189,7 @@ class _Reader:
 
 
 class _Number:
-    """Codec of a number; `code` is the format character of the type in `struct` and NumPy."""
+    """Codec of a number; `code` is its format character in `struct`."""
 
     def __init__(self, code: str) -> None:
         self.code = code
@@ -257,7 +246,7 @@ class _Text:
 
 
 class _Items:
-    """Codec of an array with `count` values, or of a sequence with at most `bound` values."""
+    """Codec of an array of `count` values, or of a sequence of at most `bound` values."""
 
     def __init__(self, item: "_Codec", *, count: int | None = None, bound: int = 0) -> None:
         self._item = item
@@ -297,8 +286,6 @@ class _Items:
 
 
 class _Struct:
-    """Codec of a message with named fields."""
-
     def __init__(self, message_type: Any) -> None:
         if isinstance(message_type, str):
             self._name, types = message_type, FIELDS_BY_TYPE[message_type]
@@ -357,6 +344,6 @@ def _codec(kind: str, field: str) -> _Codec:
 
 
 def _inside(name: str, error: MessageError) -> MessageError:
-    """Return a copy of `error` with `name` prepended to the path of the field."""
+    """Return `error` with `name` prepended to the field path."""
     separator = "." if error.field and not error.field.startswith("[") else ""
     return MessageError(f"{name}{separator}{error.field}", error.expected, error.found)

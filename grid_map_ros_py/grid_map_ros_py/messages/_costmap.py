@@ -1,9 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Conversions between grid maps and `nav2_msgs/Costmap`.
-
-A cost is a byte: 0 is free, 253 inscribed, 254 lethal, 255 unknown. A codec from
-`grid_map_core_py.conversions` maps costs to layer values. NaN always becomes 255 (unknown).
-"""
+"""Conversions between grid maps and `nav2_msgs/Costmap`."""
 
 import array
 from dataclasses import dataclass
@@ -41,7 +37,7 @@ COSTS = CostRange(FREE, LETHAL)
 
 @dataclass(frozen=True, eq=False)
 class _Occupancies:
-    """Codec of occupancy; `costs` (102,) lists the costs of 0 to 100, then of -1 (unknown)."""
+    """Codec of occupancy; `costs` (102,) holds the costs of occupancy 0 to 100 and of -1."""
 
     costs: Costs
 
@@ -60,10 +56,8 @@ class _Occupancies:
 
 
 def _published(occupancy: int) -> Any:
-    """Return the cost that Nav2 publishes as `occupancy`.
-
-    If there are several such costs, return the one closest to a linear scale.
-    """
+    """Return the cost that Nav2 publishes as `occupancy`."""
+    # Several costs can have this occupancy; select the cost closest to a linear scale.
     same = np.flatnonzero(occupancy == OCCUPANCY_OF_COST)
     return same[np.abs(99 * same - 253 * occupancy).argmin()]
 
@@ -89,12 +83,13 @@ def to_costmap(
     """Convert a layer to a `nav2_msgs/Costmap` message.
 
     From Kilted on, `nav2_simple_commander.costmap_2d.PyCostmap2D` accepts the message. On Jazzy,
-    `PyCostmap2D` accepts only an `OccupancyGrid`; use `to_occupancy_grid` with the same codec.
+    `PyCostmap2D` accepts only an `OccupancyGrid`: use `to_occupancy_grid` with the same codec.
 
     Args:
-        data_min, data_max: layer values that become 0 (free) and 254 (lethal); must differ. Values
-            outside this range are clamped; NaN becomes 255 (unknown).
-        codec: codec that replaces `data_min` and `data_max`, for example `OCCUPANCIES`.
+        data_min, data_max: layer values that become 0 (free) and 254 (lethal). They must differ.
+            Values outside this range are clamped. NaN becomes 255 (unknown).
+        codec: converts layer values to costs, in place of `data_min` and `data_max`. An example is
+            `OCCUPANCIES`.
     """
     messages = messages_of("nav2_msgs", "to_costmap")
     costmap = costs.to_costs(grid_map, layer, codec or CostRange(data_min, data_max))
@@ -119,13 +114,13 @@ def to_costmap(
 def from_costmap(costmap: Any, layer: str, codec: CostCodec = COSTS) -> GridMap:
     """Create a map with one layer from a costmap.
 
-    The float32 resolution is converted to the float64 with the same decimal form, so that 0.05 in
-    the message is exactly 0.05 in the map, instead of 0.05000000074505806.
+    Messages store the resolution as float32. A resolution of 0.05 becomes exactly 0.05 in the map,
+    not 0.05000000074505806.
 
     Args:
-        costmap: a `nav2_msgs/Costmap`, or a `PyCostmap2D` from nav2_simple_commander. Up to
-            Jazzy, its occupancy values are first converted to costs with `OCCUPANCIES`.
-        codec: converts costs to layer values; the default keeps the costs, with NaN for unknown.
+        costmap: a `nav2_msgs/Costmap`, or a `PyCostmap2D` from nav2_simple_commander. Up to Jazzy,
+            a `PyCostmap2D` contains occupancy values, which `OCCUPANCIES` converts to costs.
+        codec: converts costs to layer values. The default keeps the costs, and 255 becomes NaN.
     """
     if hasattr(costmap, "metadata"):
         grid = costmap.metadata

@@ -1,11 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Conversions and checks of common message fields: times, poses and grids.
-
-A failed check raises a `MessageError` that names the field.
-
-A pose or a transform becomes a (4, 4) matrix. `matrix @ (x, y, z, 1)` transforms a point from the
-child frame, such as the robot frame, to the frame of the message.
-"""
+"""Conversions and checks of message fields; failed checks raise `MessageError`."""
 
 import math
 import operator
@@ -56,7 +50,7 @@ def to_stamp(nanoseconds: int) -> "Time":
 
 
 def check_nanoseconds(nanoseconds: int) -> int:
-    """Return nanoseconds as an int; raise `MessageError` if a message cannot store the value."""
+    """Return the time as an int; raise `MessageError` if a message cannot store it."""
     try:
         exact = operator.index(nanoseconds)
     except TypeError:
@@ -76,10 +70,7 @@ def from_stamp(stamp: "Time", field: str = "header.stamp") -> int:
 
 
 def to_header(grid_map: GridMap) -> "Header":
-    """Return a `std_msgs/Header` with the frame and the timestamp of a map.
-
-    If the map has a `crs`, a warning states that messages cannot store it.
-    """
+    """Return the message header of a map; warn if the map has a `crs`."""
     say_crs_is_lost(grid_map, "a message", stacklevel=4)
     return messages_of("std_msgs").Header(
         stamp=to_stamp(grid_map.timestamp), frame_id=grid_map.frame_id
@@ -90,7 +81,7 @@ def to_header(grid_map: GridMap) -> "Header":
 
 
 def check_fields(message: object, kind: str, *paths: str) -> None:
-    """Raise `MessageError` unless `message` has the attributes `paths` and a valid frame."""
+    """Raise `MessageError` if an attribute in `paths` is missing or the frame name is invalid."""
     try:
         operator.attrgetter(*paths)(message)
     except AttributeError:
@@ -103,7 +94,6 @@ def check_fields(message: object, kind: str, *paths: str) -> None:
 
 
 def check_unique(field: str, names: Iterable[str]) -> None:
-    """Raise `MessageError` if a name occurs more than once."""
     if repeated := sorted(name for name, times in Counter(names).items() if times > 1):
         raise MessageError(field, "every name once", repeated)
 
@@ -129,10 +119,7 @@ def check_finite(
     expected: str = "finite coordinates",
     found: npt.NDArray[np.float64] | None = None,
 ) -> Any:
-    """Return `rows` (N, k); raise a `MessageError` if some values are not finite.
-
-    The error shows the first invalid row, or that row of `found` if `found` is given.
-    """
+    """Return `rows` (N, k); raise `MessageError` if they contain a NaN or infinite value."""
     finite = np.isfinite(rows).all(axis=1)
     if not finite.all():
         index = int(np.argmin(finite))
@@ -142,10 +129,7 @@ def check_finite(
 
 
 def check_unrotated(field: str, orientation: "Quaternion") -> None:
-    """Raise `MessageError` unless the axes of a grid are parallel to the axes of its frame.
-
-    An all-zero quaternion is accepted, because publishers may leave the orientation unset.
-    """
+    """Raise `MessageError` if a grid is rotated; an all-zero quaternion means no rotation."""
     *axis, w = found = (orientation.x, orientation.y, orientation.z, orientation.w)
     rotated = max(map(abs, axis)) > ROTATION_TOLERANCE * abs(w)
     if rotated or not all(map(math.isfinite, found)):
@@ -153,11 +137,13 @@ def check_unrotated(field: str, orientation: "Quaternion") -> None:
 
 
 def check_grid(field: str, info: Any, cells: tuple[str, str], values: int) -> GridGeometry:
-    """Check `info`, the grid description of a message, and return the geometry.
+    """Return the geometry of a grid message; raise `MessageError` if the grid is invalid.
 
-    The origin is the corner with the smallest x and y. `field` is the path of `info` in the
-    message, and `cells` contains the attribute names of the cell counts along x and y. `values`,
-    the number of values in the message, must equal the number of cells.
+    Args:
+        field: path of `info` in the message.
+        info: grid description with the origin, the corner with the smallest x and y.
+        cells: attribute names of the cell counts along x and y.
+        values: number of values in the message.
     """
     size = (getattr(info, cells[0]), getattr(info, cells[1]))
     for name, count in zip(cells, size, strict=True):
@@ -188,10 +174,7 @@ def float32_resolution(resolution: float) -> float:
 
 
 def as_written(value: float) -> float:
-    """Convert a float32 to the float64 with the same shortest decimal form: 0.1, not 0.10000000149.
-
-    Values outside the float32 range, which received messages never contain, become 0 or infinity.
-    """
+    """Convert a float32 to the float64 with the same shortest decimal form, such as 0.1."""
     with np.errstate(over="ignore"):
         return float(str(np.float32(value)))
 
@@ -207,7 +190,7 @@ def from_pose(message: Any) -> Matrix:
             `PoseWithCovarianceStamped` or `Odometry`.
 
     Raises:
-        MessageError: a coordinate is not finite, or the quaternion norm differs from 1 by over 1 %.
+        MessageError: a coordinate is not finite, or the quaternion norm is not 1 (within 1 %).
     """
     kind = "geometry_msgs/Pose, or one with a pose"
     return _from(message, "pose", kind, "position", "orientation")
@@ -216,8 +199,8 @@ def from_pose(message: Any) -> Matrix:
 def from_transform(message: Any) -> Matrix:
     """Convert a `Transform` or `TransformStamped` to a (4, 4) matrix.
 
-    The matrix transforms points [m] from the child frame to the parent frame. The function raises
-    the same errors as `from_pose`.
+    The matrix transforms points [m] from the child frame to the parent frame. See `from_pose` for
+    the errors.
     """
     return _from(message, "transform", "geometry_msgs/Transform", "translation", "rotation")
 
@@ -226,7 +209,7 @@ def to_pose(matrix: npt.ArrayLike) -> "Pose":
     """Convert a (4, 4) matrix to a `geometry_msgs/Pose`.
 
     Raises:
-        MessageError: the matrix does not consist of a rotation and a translation.
+        MessageError: the matrix is not a rotation combined with a translation.
     """
     return _filled(messages_of("geometry_msgs").Pose(), "position", "orientation", matrix)
 
@@ -237,7 +220,6 @@ def to_transform(matrix: npt.ArrayLike) -> "Transform":
 
 
 def as_matrix(rotation: "Rotation", translation: npt.ArrayLike) -> Matrix:
-    """Combine a rotation and a translation (3,) into a (4, 4) matrix."""
     matrix = np.eye(4)
     matrix[:3, :3] = rotation.as_matrix()
     matrix[:3, 3] = translation
@@ -245,11 +227,7 @@ def as_matrix(rotation: "Rotation", translation: npt.ArrayLike) -> Matrix:
 
 
 def _from(message: Any, inner: str, kind: str, place: str, turn: str) -> Matrix:
-    """Return the (4, 4) matrix of a pose or transform.
-
-    The pose or transform may be nested, at any depth, in fields named by `inner`, such as
-    `pose.pose`.
-    """
+    """Return the matrix (4, 4) of a pose or transform, which may be nested in fields `inner`."""
     from scipy.spatial.transform import Rotation  # slow to import
 
     path = ""

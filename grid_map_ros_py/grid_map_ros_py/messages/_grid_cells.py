@@ -34,12 +34,12 @@ BLOCK = 8192
 def to_grid_cells(grid_map: GridMap, layer: str, lower: float, upper: float) -> "GridCells":
     """Convert the cells with values between two bounds to `nav_msgs/GridCells`.
 
-    For large maps, `to_serialized_grid_cells` is faster, because it creates no object per cell.
+    Cells with NaN or infinite values are omitted. For large maps, `to_serialized_grid_cells` is
+    faster.
 
     Args:
         layer: layer whose values are compared with the bounds.
-        lower, upper: inclusive bounds, rounded to float32. Cells with NaN or infinite values are
-            always omitted.
+        lower, upper: inclusive bounds, rounded to float32.
     """
     message = _without_cells(grid_map)
     centers = centers_between(grid_map, layer, lower, upper).tolist()
@@ -65,8 +65,8 @@ def from_grid_cells(
 
     Args:
         message: the cells; z is ignored.
-        resolution: cell size [m]; must equal the cell width in the message up to float32 rounding.
-            None means the cell width, with the same decimal form, such as exactly 0.1.
+        resolution: cell size [m]; must equal the cell width in the message, rounded to float32.
+            None means the cell width; a width of 0.1 becomes exactly 0.1.
         geometry: grid of the map, such as `grid_map.geometry`; cells outside the grid are ignored.
             None means the smallest grid that covers all cells. For messages from `to_grid_cells`,
             the cells of this grid coincide with the original cells.
@@ -94,9 +94,9 @@ def from_grid_cells(
 def centers_between(
     grid_map: GridMap, layer: str, lower: float, upper: float
 ) -> npt.NDArray[np.float64]:
-    """Return the centers (N, 3) [m, map frame] of cells with values between two bounds; z is 0.
+    """Return the centers (N, 3) [m] of cells with values between two bounds, in buffer order.
 
-    Cells are in column-major order of the map buffer. See `to_grid_cells` for the arguments.
+    The centers are in the map frame, and z is 0. See `to_grid_cells` for the arguments.
     """
     values = grid_map[layer].ravel("F")
     bounds = as_number(lower, "lower"), as_number(upper, "upper")

@@ -52,13 +52,13 @@ LARGEST_SIDE = 2**31
 def to_message(grid_map: GridMap, layers: Iterable[str] | None = None) -> "GridMapMessage":
     """Convert a map to a `grid_map_msgs/GridMap` message.
 
-    The message stores the layers in buffer order, with the start index of the map. If the start
-    index exceeds uint16, the layers are in map order with start index (0, 0).
+    The layers are in buffer order, with the start index of the map. If the start index exceeds
+    65535, the layers are in map order, with the start index (0, 0).
 
     Args:
         grid_map: the map; its data is copied.
-        layers: names of the layers to send, in this order; None means all. Basic layers that are
-            not sent are also omitted from `basic_layers` of the message.
+        layers: names of the layers to send, in this order; None means all. `basic_layers` of the
+            message contains only basic layers that are sent.
     """
     plain = _described(grid_map, layers, grid_map.start_index)
     messages, arrays = messages_of("std_msgs"), []
@@ -85,8 +85,8 @@ def to_serialized_message(
 
     Args:
         grid_map, layers: as for `to_message`.
-        start_index: row and column in the message at which cell (0, 0) of the map is stored; None
-            keeps the start index of the map.
+        start_index: start index (row, column) of the message; None keeps the start index of the
+            map.
     """
     if start_index is None:
         start_index = grid_map.start_index
@@ -96,15 +96,11 @@ def to_serialized_message(
 
 
 def to_info(geometry: GridGeometry) -> "GridMapInfo":
-    """Convert a grid geometry to `grid_map_msgs/GridMapInfo`."""
     return _filled(messages_of("grid_map_msgs").GridMapInfo(), _info(geometry))
 
 
 def _described(grid_map: GridMap, layers: Iterable[str] | None, start: Size) -> SimpleNamespace:
-    """Return an object with the attributes of a map message that has the start index `start`.
-
-    If `start` exceeds uint16, the start index is (0, 0).
-    """
+    """Return an object with the attributes of a map message with the start index `start`."""
     names = select_layers(grid_map.layers, layers)
     say_crs_is_lost(grid_map, "a message", stacklevel=4)
     if max(start) > LARGEST_START_INDEX:
@@ -181,10 +177,10 @@ def from_message(
         message: the message, with column-major or row-major layers; z of its position is ignored.
         layers: names of the layers to decode, in this order; None means all.
         copy_basic_layers: keep the basic layers that are among the decoded layers.
-        unwrap: if True, the map is in map order, with start index (0, 0). If False, it keeps the
-            buffer order and the start index of the message.
-        copy: if False, column-major layers that need no unwrapping share the memory of the message
-            and are read-only.
+        unwrap: if True, the map is in map order, with start index (0, 0). If False, the map keeps
+            the buffer order and the start index of the message.
+        copy: if False, layers share the memory of the message where possible. Shared layers are
+            read-only. Row-major layers and layers that must be unwrapped are always copied.
     """
     check_fields(message, "grid_map_msgs/GridMap", "info", "basic_layers")
     geometry = from_info(message.info)
@@ -226,7 +222,7 @@ def from_serialized_message(
 class ReceivedMap:
     """A serialized map message that decodes only the requested layers.
 
-    All attributes except `data` raise `MessageError` if `data` is not a valid message.
+    If the data is not a valid message, all attributes except `data` raise `MessageError`.
 
     Args:
         data: the message in CDR. Publishers accept the attribute `data` in place of a message.
@@ -274,7 +270,7 @@ class ReceivedMap:
         unwrap: bool = True,
         copy: bool = True,
     ) -> GridMap:
-        """Decode the map or some of its layers; see `from_message` for arguments and errors."""
+        """Decode all layers or the given layers; see `from_message` for the arguments."""
         return from_message(
             self._message, layers, copy_basic_layers=copy_basic_layers, unwrap=unwrap, copy=copy
         )
@@ -319,14 +315,7 @@ def _layer_views(message: "GridMapMessage", size: Size) -> Mapping[str, Layer]:
 
 
 def _from_multi_array(message: "Float32MultiArray", size: Size, field: str) -> Layer:
-    """Return the values (rows, cols) of a `Float32MultiArray` as a view of the message data.
-
-    The values start at `data_offset`. They are column-major if the first dimension label is
-    `column_index`, and row-major if it is `row_index`.
-
-    Publishers use different conventions for strides, or leave them unset. All these conventions are
-    accepted, but the data must not be padded.
-    """
+    """Return the values (rows, cols) of a `Float32MultiArray` as a view of the message data."""
     labels = tuple(dim.label for dim in message.layout.dim)
     if labels not in (_LABELS, _LABELS[::-1]):
         expected = f"the labels {_LABELS}, or in reverse"
@@ -341,6 +330,7 @@ def _from_multi_array(message: "Float32MultiArray", size: Size, field: str) -> L
         expected = f"{offset + cells} values ({size[0]} x {size[1]} cells"
         expected += f" after data_offset {offset})" if offset else ")"
         raise MessageError(f"{field}.data", expected, len(message.data))
+    # Publishers use different conventions for strides, or leave them unset.
     strides = (0, 1, *shape, cells)
     for axis, dim in enumerate(message.layout.dim):
         if dim.stride not in strides:

@@ -1,9 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Conversions between grid maps and `sensor_msgs/Image`.
-
-Pixel (row, column) of an image corresponds to cell (row, column) of a map in map order: +x points
-up in the image, and +y points left.
-"""
+"""Conversions between grid maps and `sensor_msgs/Image`."""
 
 import array
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -26,8 +22,6 @@ if TYPE_CHECKING:
 
 
 class Encoding(NamedTuple):
-    """Pixel format: data type of a channel, number of channels, and color order."""
-
     dtype: np.dtype[Any]
     channels: int
     order: Order = "bgr"
@@ -64,12 +58,12 @@ def to_image(
     lower: float | None = None,
     upper: float | None = None,
 ) -> "Image":
-    """Convert a layer to a gray image.
+    """Convert a layer to an image with gray values.
 
     Args:
         grid_map, layer, lower, upper: as in `grid_map_core_py.to_image`.
-        encoding: any name in `ENCODINGS`. All color channels contain the gray value; an alpha
-            channel is 0 where the layer is NaN.
+        encoding: any name in `ENCODINGS`. In encodings with colors, all color channels contain the
+            gray value. In encodings with alpha, alpha is 0 where the layer is NaN.
     """
     kind = _encoding_of(encoding)
     image = pixels.to_image(grid_map, layer, kind.dtype, kind.channels, lower, upper)
@@ -81,7 +75,8 @@ def to_color_image(grid_map: GridMap, layer: str = COLOR_LAYER, encoding: str = 
 
     Args:
         layer: layer of packed colors (see `color_vector_to_value`).
-        encoding: name in `ENCODINGS` with three or four channels. Alpha is 0 for NaN cells.
+        encoding: name in `ENCODINGS` with three or four channels. In encodings with alpha, alpha is
+            0 where the layer is NaN.
     """
     kind = _encoding_of(encoding)
     if kind.channels < 3:
@@ -105,8 +100,8 @@ def from_image(
 ) -> GridMap:
     """Create a map with one layer from the gray values of an image.
 
-    The map has the frame and the timestamp of the message. All arguments except `message` are the
-    same as in `grid_map_core_py.from_image`.
+    The map has the frame and the timestamp of the message. See `grid_map_core_py.from_image` for
+    the other arguments.
     """
     image, order = to_pixels(message)
     return pixels.from_image(
@@ -134,8 +129,7 @@ def add_layer_from_image(
 ) -> None:
     """Set a layer of a map to the gray values of an image.
 
-    The map must have as many rows and columns as the image. See `from_image` for the other
-    arguments.
+    The image must have as many rows and columns as the map. See `from_image` for the arguments.
     """
     image, order = to_pixels(message, grid_map.size)
     pixels.add_layer_from_image(
@@ -148,7 +142,7 @@ def add_color_layer_from_image(
 ) -> None:
     """Set a layer of a map to the packed colors of an image.
 
-    Gray pixels get equal red, green and blue values. See `add_layer_from_image` for the arguments.
+    In gray images, red, green and blue are equal. See `add_layer_from_image` for the arguments.
     """
     image, order = to_pixels(message, grid_map.size)
     pixels.add_color_layer_from_image(
@@ -168,8 +162,7 @@ def _encoding_of(name: str) -> Encoding:
 def to_pixels(message: "Image", size: Size | None = None) -> tuple[npt.NDArray[Any], Order]:
     """Return the pixels (rows, cols, channels) of an image, and their color order.
 
-    The pixels are a view of the message data, or a copy if the data is not aligned. They keep the
-    byte order of the message. `size` is the required size (rows, cols); None accepts any size.
+    The pixels keep the byte order of the message. `size` is the required size (rows, cols).
     """
     check_fields(message, "sensor_msgs/Image", "encoding", "step")
     kind = _encoding_of(message.encoding)

@@ -44,11 +44,11 @@ def to_occupancy_grid(
     """Convert a layer to a `nav_msgs/OccupancyGrid` message.
 
     Args:
-        data_min, data_max: layer values that become 0 (free) and 100 (occupied); they must differ.
-            Values outside this range are clamped; NaN becomes -1 (unknown). Required if
-            `codec` is None.
+        data_min, data_max: layer values that become 0 (free) and 100 (occupied). They are required
+            without `codec`, and must differ. Values outside this range are clamped. NaN becomes -1
+            (unknown).
         codec: converts layer values to costs, in place of `data_min` and `data_max`. The message
-            contains the occupancy values that Nav2 publishes for these costs. For a cost layer,
+            contains the occupancy values that Nav2 publishes for these costs. For a layer of costs,
             pass `CostRange()`.
     """
     if codec is None:
@@ -71,8 +71,8 @@ def to_occupancy_grid(
 def from_occupancy_grid(message: "OccupancyGrid", layer: str) -> GridMap:
     """Create a map with one layer from an occupancy grid.
 
-    Values of -1 become NaN; all others are kept. The float32 resolution is converted to the float64
-    with the same decimal form, so that 0.1 in the message is exactly 0.1 in the map.
+    Occupancy values are kept, except -1 (unknown), which becomes NaN. Messages store the resolution
+    as float32. A resolution of 0.1 becomes exactly 0.1 in the map.
     """
     check_fields(message, "nav_msgs/OccupancyGrid", "info.width", "data")
     geometry = check_grid("info", message.info, ("width", "height"), len(message.data))
@@ -85,9 +85,9 @@ def from_occupancy_grid(message: "OccupancyGrid", layer: str) -> GridMap:
 
 
 def occupancies(values: npt.ArrayLike, data_min: float, data_max: float) -> npt.NDArray[np.int8]:
-    """Return `trunc(100 * clamp((value - data_min) / (data_max - data_min), 0, 1))`, or -1 for NaN.
+    """Return the occupancy (int8) of layer values; NaN becomes -1.
 
-    The computation uses float32, so that the results match the C++ grid_map.
+    As in C++: `trunc(100 * clamp((value - data_min) / (data_max - data_min), 0, 1))` in float32.
     """
     data_min, data_max = as_number(data_min, "data_min"), as_number(data_max, "data_max")
     with np.errstate(over="ignore", invalid="ignore"):

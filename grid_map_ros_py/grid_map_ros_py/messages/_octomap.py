@@ -1,16 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Create grid maps from `octomap_msgs/Octomap` messages and from OctoMap files.
-
-Files are binary (.bt) or full (.ot). They contain the same bytes as a message, after a text header
-such as:
-
-    # Octomap OcTree binary file
-    # comments
-    id OcTree
-    size 1234
-    res 0.05
-    data
-"""
+"""Create grid maps from `octomap_msgs/Octomap` messages and from OctoMap files."""
 
 import math
 from collections.abc import Iterable
@@ -67,18 +56,19 @@ def from_octomap(
     min_bound: npt.ArrayLike = ANYWHERE,
     max_bound: npt.ArrayLike = ANYWHERE,
 ) -> GridMap:
-    """Create an elevation map from the highest occupied voxel of each column of an octree.
+    """Create an elevation map from the highest occupied voxels of an octree.
 
-    The height of a column is the z coordinate of its highest occupied voxel center within the
-    bounds. Columns without such a voxel are NaN. The map extends to the bounds. On sides without a
-    bound, it extends to the edge of the tree, including free space.
+    The height of a voxel column is the z coordinate of the center of its highest occupied voxel.
+    Only voxel centers within the bounds count. Columns without such a voxel are NaN. The map
+    extends to the bounds. On sides without a bound, it extends to the edge of the tree, including
+    free space.
 
     Args:
         message: an `octomap_msgs/Octomap`, or an object with the same fields. The tree is binary or
             full, and its class is OcTree, OcTreeStamped or ColorOcTree.
-        resolution: cell size [m]; None means the voxel size. A cell larger than a voxel gets the
-            maximum height of the columns whose centers it contains. Smaller cells are an error.
-        min_bound, max_bound: (3,) smallest and largest x, y, z [m] of the voxel centers; voxels
+        resolution: cell size [m]; None means the voxel size. Larger cells get the maximum height of
+            the columns whose centers they contain. Smaller cells are an error.
+        min_bound, max_bound: (3,) smallest and largest x, y, z [m] of the voxel centers. Voxels
             beyond these bounds are ignored. NaN means no bound.
     """
     leaves = _leaves(message)
@@ -114,7 +104,7 @@ def from_octomap(
 def octomap_to_points(
     message: "Octomap", *, min_bound: npt.ArrayLike = ANYWHERE, max_bound: npt.ArrayLike = ANYWHERE
 ) -> Points:
-    """Return the centers (N, 3) [m] of occupied voxels within the bounds; see `from_octomap`."""
+    """Return the centers (N, 3) [m] of the occupied voxels; see `from_octomap` for the bounds."""
     leaves = _leaves(message)
     if not leaves:
         return np.empty((0, 3))
@@ -136,7 +126,7 @@ def load_octomap(
     """Load an elevation map from an OctoMap file (`.bt` or `.ot`).
 
     Args:
-        layers: names of the layers to load; None means all. The only layer is `height_layer`.
+        layers: names of the layers to load; None means all. The map has only `height_layer`.
         height_layer: name of the layer with the heights [m].
         resolution, min_bound, max_bound: as in `from_octomap`.
     """
@@ -178,7 +168,7 @@ def _leaves(message: "Octomap") -> Leaves:
 def _box(
     leaves: Leaves, resolution: float, min_bound: npt.ArrayLike, max_bound: npt.ArrayLike
 ) -> tuple[Voxel, Voxel]:
-    """Return the first and last voxel (3,) within the bounds; NaN bounds mean the tree edge."""
+    """Return the first and last voxel (3,) within the bounds; NaN means the edge of the tree."""
     bounds = np.empty((2, 3))
     for row, name, bound in ((0, "min_bound", min_bound), (1, "max_bound", max_bound)):
         values = as_array(bound, np.float64, name)

@@ -6,13 +6,13 @@ little-endian:
 
 - The binary form stores only inner nodes. A node consists of two bits for each of its eight
   children: unknown (0), free (1), occupied (2) or inner node (3).
-- The full form stores every node. A node consists of its log-odds (float32), three color bytes if
-  the tree has colors, and a byte whose bits mark the existing children.
+- The full form stores every node. A node consists of its log-odds (float32), an optional color
+  (three bytes), and a byte whose bits mark the existing children.
 
 The root is a cube around the origin with 65536 voxels per side. A voxel is a node of depth 16.
 
-Children are numbered from 0 to 7. Bit 0 of the number is set if the child is in the half of its
-parent with the larger x. Bits 1 and 2 stand for y and z in the same way.
+Children are numbered from 0 to 7. Bit 0 of the number is set in the half of the parent with the
+larger x. Bits 1 and 2 stand for y and z in the same way.
 """
 
 from collections.abc import Iterator
@@ -56,7 +56,7 @@ _FREE, _OCCUPIED, _INNER = 1, 2, 3
 
 
 def read_binary(data: npt.NDArray[np.uint8]) -> Leaves:
-    """Return the leaves of a tree in binary form; if `data` is empty, the tree has no leaves."""
+    """Return the leaves of a tree in binary form, or no leaves if `data` is empty."""
     words = _records(data, np.dtype("<u2"))
     labels = ((words[:, None] >> (2 * _CHILDREN).astype(np.uint16)) & 3).astype(np.uint8)
     if not labels.any(axis=1).all():
@@ -71,10 +71,7 @@ def read_binary(data: npt.NDArray[np.uint8]) -> Leaves:
 
 
 def read_full(data: npt.NDArray[np.uint8], node_type: np.dtype[Any]) -> Leaves:
-    """Return the leaves of a tree in full form; if `data` is empty, the tree has no leaves.
-
-    A leaf is occupied if its log-odds are at least 0, that is, its probability is at least 0.5.
-    """
+    """Return the leaves of a tree in full form, or no leaves if `data` is empty."""
     records = _records(data, node_type)
     if np.isnan(records["value"]).any():
         raise MessageError("data", "log-odds that are numbers", float("nan"))
@@ -82,6 +79,7 @@ def read_full(data: npt.NDArray[np.uint8], node_type: np.dtype[Any]) -> Leaves:
     leaves: Leaves = {}
     for depth, nodes, keys in _levels(children, DEPTH, node_type.itemsize):
         is_leaf = records["children"][nodes] == 0
+        # Log-odds of 0 mean a probability of 0.5.
         occupied = records["value"][nodes[is_leaf]] >= 0
         leaves[depth] = keys[:, is_leaf], occupied
     return leaves
@@ -96,7 +94,7 @@ def _records(data: npt.NDArray[np.uint8], record: np.dtype[Any]) -> npt.NDArray[
 def _levels(
     children: npt.NDArray[np.bool_], deepest: int, node_size: int
 ) -> Iterator[tuple[int, npt.NDArray[np.intp], Keys]]:
-    """Yield (depth, indices (M,) of the nodes at this depth, keys (3, M) of these nodes).
+    """Yield the depth, the node indices (M,) and the node keys (3, M) of each tree level.
 
     `children` (N, 8) marks the children of each node that are stored as nodes.
     """
@@ -163,10 +161,9 @@ def extent(leaves: Leaves) -> tuple[Voxel, Voxel]:
 
 
 def highest_voxels(leaves: Leaves, first: Voxel, last: Voxel) -> npt.NDArray[np.int32]:
-    """Return the z index of the highest occupied voxel in each column of a box.
+    """Return the z index of the highest occupied voxel in each column of a box, or -1.
 
-    The box extends from voxel `first` (3,) to voxel `last` (3,), both included. The result has the
-    axes x and y, starting at `first`. Columns without an occupied voxel have the value -1.
+    The box includes the voxels `first` (3,) and `last` (3,). The result has the axes x and y.
     """
     begin, highest = first[:2] >> DEPTH, np.full((1, 1), -1, np.int32)
     for depth in range(DEPTH + 1):
@@ -191,7 +188,7 @@ def highest_voxels(leaves: Leaves, first: Voxel, last: Voxel) -> npt.NDArray[np.
 
 
 def occupied_voxels(leaves: Leaves, first: Voxel, last: Voxel) -> Keys:
-    """Return the occupied voxels (3, N) in a box; raise `LimitError` if N > `max_cells / 2`."""
+    """Return the occupied voxels (3, N) in a box; raise `LimitError` if there are too many."""
     count = 0
     for depth, (keys, occupied) in leaves.items():
         side = np.int32(side_of(depth))

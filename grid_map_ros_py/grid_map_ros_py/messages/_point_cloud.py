@@ -1,9 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Conversions between `sensor_msgs/PointCloud2`, grid maps and arrays.
-
-Fields of a cloud may have any of the eight number types. Gaps between fields and padded rows are
-supported. Big-endian clouds raise `MessageError`.
-"""
+"""Conversions between `sensor_msgs/PointCloud2`, grid maps and arrays."""
 
 import array
 from collections.abc import Iterable, Mapping, Sequence
@@ -55,8 +51,8 @@ def to_point_cloud(
     order of the map buffer. Each layer becomes a float32 field of the same name, except:
 
     - The point layer becomes the three fields x, y, z [m].
-    - The layer `color` becomes the field `rgb`, where viewers expect packed colors. It keeps its
-      name if a layer `rgb` is also sent.
+    - The layer `color` becomes the field `rgb`, where viewers expect packed colors. If a layer
+      `rgb` is also sent, the field is named `color`.
 
     Args:
         point_layer: layer with the z coordinates [m].
@@ -160,10 +156,11 @@ def from_point_cloud(
     max_height: float = np.inf,
     tight: bool = False,
 ) -> GridMap:
-    """Create a map from a point cloud: statistics of heights and other fields in each cell.
+    """Create a map from a point cloud.
 
-    Points outside the map and points with a non-finite coordinate are ignored. The map has the
-    frame and the timestamp of the cloud.
+    Each cell contains statistics of the heights and other fields of its points. Points outside the
+    map and points with NaN or infinite coordinates are ignored. The map has the frame and the
+    timestamp of the cloud.
 
     Args:
         message: the cloud, organized or not.
@@ -171,12 +168,12 @@ def from_point_cloud(
         resolution: cell size [m].
         reduction: statistic of the heights in a cell: `max`, `min`, `mean`, `median`, `first`,
             `last`, `variance` or `count`.
-        onto: geometry of the result, or a map in the frame of the cloud, whose other layers the
-            result keeps; replaces `resolution`, `length` and `position`.
+        onto: geometry of the result; replaces `resolution`, `length` and `position`. If `onto` is a
+            map in the frame of the cloud, the result keeps its other layers.
         more_layers: statistics of the heights for additional layers, by layer name.
-        fields: names of the fields that become layers, besides the heights; None means all fields
-            with one number per point. If the cloud has no field `color`, the packed colors
-            `rgb` or `rgba` become the layer `color`.
+        fields: names of other fields that become layers; None means all fields with one number per
+            point. If the cloud has no field `color`, the field `rgb` or `rgba` becomes the layer
+            `color`.
         length, position, field_reductions, min_height, max_height, tight: as in
             `grid_map_core_py.from_points`.
     """
@@ -215,14 +212,14 @@ def from_point_cloud(
 
 
 def read_points(message: "PointCloud2") -> dict[str, npt.NDArray[Any]]:
-    """Return each field of a cloud as an array with one element per point, in row-major order.
+    """Return the fields of a cloud as arrays with one element per point.
 
-    The arrays are views of the message data, unless rows are padded. For an organized cloud,
-    reshape the arrays to `(message.height, message.width)`.
+    Points are in row-major order. For an organized cloud, reshape the arrays to
+    `(message.height, message.width)`. The arrays are views of the message data, unless rows are
+    padded.
 
     Returns:
-        Arrays by field name: (N,), or (N, count) for a field with `count` numbers per point. A
-        count of 0 is treated as 1.
+        Arrays by field name. The shape is (N,), or (N, count) for `count` numbers per point.
     """
     check_layout(message)
     return {field.name: _view(message, field) for field in message.fields}
@@ -268,10 +265,9 @@ def read_columns(
 
 
 def layer_names(message: "PointCloud2") -> dict[str, str]:
-    """Return the layer name of each field of a cloud, by field name.
+    """Return the layer name of each field, by field name.
 
-    Layers are named after the fields. If the cloud has no field `color`, the layer of `rgb` (or of
-    `rgba` if there is no `rgb`) is named `color`.
+    The names are equal, except that `rgb`, or else `rgba`, becomes `color` if this name is free.
     """
     names = {field.name: field.name for field in message.fields}
     for color in ("rgb", "rgba"):
@@ -281,7 +277,7 @@ def layer_names(message: "PointCloud2") -> dict[str, str]:
 
 
 def check_layout(message: "PointCloud2") -> None:
-    """Raise `MessageError` unless all fields and points of a cloud are within the message data."""
+    """Raise `MessageError` if a cloud is big-endian, or if its fields exceed the message data."""
     check_fields(message, "sensor_msgs/PointCloud2", "fields", "point_step")
     if message.is_bigendian:
         raise MessageError("is_bigendian", "False: only little-endian clouds are read", True)

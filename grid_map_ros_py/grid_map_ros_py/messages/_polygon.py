@@ -93,8 +93,7 @@ def to_triangle_list_marker(
 ) -> "Marker":
     """Convert the area of a polygon to a `visualization_msgs/Marker` with a triangle list.
 
-    The triangles are those of `Polygon.triangulate`, in a single color. See `to_line_marker` for
-    the arguments.
+    `Polygon.triangulate` creates the triangles. See `to_line_marker` for the arguments.
     """
     # Triangle fan as in `Polygon.triangulate`, without creating an object per triangle.
     count = max(len(polygon) - 2, 0)

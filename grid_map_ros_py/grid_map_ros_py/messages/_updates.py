@@ -27,32 +27,32 @@ GRID, COSTMAP = ("info", "width", "height", "b"), ("metadata", "size_x", "size_y
 def to_occupancy_grid_update(
     before: "OccupancyGrid", after: "OccupancyGrid"
 ) -> "OccupancyGridUpdate | None":
-    """Return the `map_msgs/OccupancyGridUpdate` that turns one grid into another.
+    """Return the update from one grid to another, or None if all cells are equal.
 
-    The update covers the bounding rectangle of the changed cells. If all cells are equal, the
-    function returns None. Grids that differ in frame, size, resolution or origin raise
-    `MessageError`.
+    The `map_msgs/OccupancyGridUpdate` covers the bounding rectangle of the changed cells.
+
+    Raises:
+        MessageError: the grids differ in frame, size, resolution or origin.
     """
     messages = messages_of("map_msgs", "to_occupancy_grid_update")
     return filled(messages.OccupancyGridUpdate(), before, after)
 
 
 def to_costmap_update(before: "Costmap", after: "Costmap") -> "CostmapUpdate | None":
-    """Return the update that turns one costmap into another; see `to_occupancy_grid_update`."""
+    """Return the update from one costmap to another; see `to_occupancy_grid_update`."""
     messages = messages_of("nav2_msgs", "to_costmap_update")
     return filled(messages.CostmapUpdate(), before, after)
 
 
 def apply_update(grid: Any, update: Any) -> Any:
-    """Return a copy of a grid with the cells and the header of an update.
+    """Apply an update to a copy of a grid, and return the copy with the header of the update.
 
     Args:
         grid: an `OccupancyGrid` or a `Costmap`.
         update: the `OccupancyGridUpdate` or `CostmapUpdate`.
 
     Raises:
-        MessageError: the frame or the number of cells of the update is wrong, or the update extends
-            beyond the grid.
+        MessageError: the update has the wrong frame or number of cells, or extends beyond the grid.
     """
     values, _, (_, *sides, _) = _read(grid)
     check_fields(update, "update of this kind of grid", "header.frame_id", "x", "y", *sides)
@@ -72,7 +72,7 @@ def apply_update(grid: Any, update: Any) -> Any:
 
 
 def with_cells(grid: Any, values: npt.NDArray[np.uint8], header: Any) -> Any:
-    """Return a copy of a grid message with the given cells (uint8) and the given header."""
+    """Return a copy of a grid message with other cells (uint8) and another header."""
     result = copy.copy(grid)
     result.header, result.data = header, array.array(_read(grid)[2][-1], values.tobytes())
     return result
@@ -88,7 +88,7 @@ def is_same_grid(before: Any, after: Any) -> bool:
 
 
 def filled(update: Any, before: Any, after: Any) -> Any:
-    """Return `update` filled with the changes between two grids, or None if all cells are equal."""
+    """Fill `update` with the changes between two grids; return None if all cells are equal."""
     (old, geometry, _), (new, other, (field, *sides, kind)) = _read(before), _read(after)
     if not is_same_grid(before, after):
         expected = f"frame and grid of the first message, {before.header.frame_id!r}, {geometry}"

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Building blocks for ROS nodes: map topics, quality of service, parameters and life cycle.
 
-The following node receives maps from all reliable publishers and publishes scaled maps:
+The following node multiplies the heights of each received map by a factor:
 
     from rclpy.node import Node
     from grid_map_msgs.msg import GridMap as GridMapMessage
@@ -23,8 +23,7 @@ The following node receives maps from all reliable publishers and publishes scal
     if __name__ == "__main__":
         raise SystemExit(run(Scaler))
 
-`run` ends the node on Ctrl-C and returns the exit code. The names of this package are imported
-lazily, because rclpy is slow to import.
+`run` ends the node on Ctrl-C and returns the exit code.
 """
 
 import signal
@@ -65,12 +64,12 @@ __all__ = sorted(["quiet_start", *_LAZY])
 
 
 def quiet_start() -> None:
-    """Make Ctrl-C exit an executable immediately, without a traceback, during startup.
+    """Let Ctrl-C end an executable during startup, without a traceback.
 
-    `run` later installs its own signal handling. Importing rclpy takes most of the startup time, so
-    call this function before that import, in the `__init__.py` of the package that contains the
-    executables. The call has no effect if another program imports the package. If ROS 2 is not
-    sourced, a one-line error replaces the traceback.
+    Call this function in the `__init__.py` of the package that contains the executables, before
+    rclpy is imported. The import takes most of the startup time. `run` later installs its own
+    signal handling. If ROS 2 is not sourced, a one-line error replaces the traceback. The function
+    has no effect if another program imports the package.
     """
     # Executables start with SIGINT blocked, because Python itself would print a traceback.
     is_executable = signal.SIGINT in signal.pthread_sigmask(signal.SIG_BLOCK, [])

@@ -54,10 +54,7 @@ class Health:
 
     @contextmanager
     def counted(self) -> Iterator[None]:
-        """Count an input as dropped if the context raises an error, and as used otherwise.
-
-        If the context calls `defer`, the input is not counted yet.
-        """
+        """Count an input as used, or as dropped if the context raises an error."""
         self.receive()
         self._is_deferred = False
         try:
@@ -81,12 +78,11 @@ class Health:
         self._last_was_dropped = False
 
     def drop(self, why: str) -> None:
-        """Count an unusable input and record the reason."""
         self.dropped += 1
         self._last_was_dropped, self.last_error = True, why
 
     def drop_used(self, why: str) -> None:
-        """Count the last used input as dropped instead, because it turned out to be unusable."""
+        """Count the last used input as dropped instead."""
         self.used -= 1
         self.drop(why)
 
@@ -96,7 +92,6 @@ class Health:
         self._discovered = time.monotonic() + PATIENCE
 
     def report(self, node: Node) -> None:
-        """Publish the state of the node if there are subscribers."""
         if self._publisher.get_subscription_count():
             level = DiagnosticStatus.WARN if self.problem else DiagnosticStatus.OK
             if self._last_was_dropped:
@@ -143,14 +138,10 @@ def health_of(node: Node) -> Health:
 
 
 class LogThrottle:
-    """Logs similar messages at most once per period, and states how many were suppressed.
+    """Logs similar messages at most once per period [s], and counts suppressed messages.
 
-    Messages are similar if they are equal up to the second colon, as in "get_grid_map: frame_id:
-    expected ...". At most `LIMIT` different messages are logged per period.
-
-    Args:
-        period: minimum time between similar messages [s].
-        clock: returns the time [s]; the default clock continues while a simulation is paused.
+    Messages are similar if they are equal up to the second colon. The default clock continues while
+    a simulation is paused.
     """
 
     LIMIT = 20
@@ -190,11 +181,7 @@ class LogThrottle:
 
 @contextmanager
 def dropping(log: LogThrottle, what: str) -> Iterator[None]:
-    """Catch a `GridMapError` or `MemoryError` from the context, and log it with the prefix `what`.
-
-    A `TiltedFrameError` is logged as a warning. A `NodeFailedError` and all other exceptions
-    propagate.
-    """
+    """Log errors in `DROPPED`, except `NodeFailedError`, with the prefix `what`."""
     try:
         yield
     except NodeFailedError:

@@ -1,9 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Typed parameters of a node, read from ROS parameter files.
-
-Reading a parameter declares it on the node, so that `ros2 param list` shows it. Parameters are
-read-only by default, because nodes read their configuration only at startup.
-"""
+"""Typed parameters of a node, read from ROS parameter files."""
 
 import array
 import re
@@ -48,9 +44,8 @@ def read_parameter(
 ) -> T:
     """Declare a parameter on the node and return its value.
 
-    If `kind` is float, integers are converted to floats. If `kind` is int, whole numbers such as
-    3.0 are converted to integers. An empty list in a parameter file has no type, so a parameter
-    with an empty list counts as not set if `kind` is not a list.
+    Numbers are converted to `kind`: 3 becomes 3.0 for float, and 3.0 becomes 3 for int. An empty
+    list counts as not set, unless `kind` is a list.
 
     Args:
         name: full name, such as `elevation.params.layer`.
@@ -83,10 +78,9 @@ def read_fields(
 ) -> T:
     """Create an instance of a dataclass from ROS parameters that are named after its fields.
 
-    All fields must have defaults; `defaults` overrides them by field name. The parameter names
-    begin with `prefix`, such as `input_sources.front.`. The parameter descriptions are those in the
-    `Attributes:` section of the dataclass. If a parameter has the wrong type or the dataclass
-    rejects its value, the function raises `ConfigError`.
+    All fields must have defaults; `defaults` overrides them by field name. The parameter
+    descriptions come from the `Attributes:` section of the dataclass. If a value has the wrong type
+    or the dataclass rejects it, the function raises `ConfigError`.
     """
     kinds, texts, values = get_type_hints(cls), descriptions(cls), dict[str, Any]()
     for field in fields(cls):  # type: ignore[arg-type]
@@ -108,8 +102,8 @@ def read_fields(
 def follow_changes(node: "Node", settings: T, apply: Callable[[T], None]) -> None:
     """Call `apply` with the new settings when the user changes parameters.
 
-    If the dataclass rejects a change, the parameters keep their values. `settings` is the result of
-    `read_fields` without a prefix and with `read_only=False`.
+    If the dataclass rejects a change, the parameters keep their values. `settings` must come from
+    `read_fields`, without a prefix and with `read_only=False`.
     """
     current = checked = settings
 
@@ -143,10 +137,7 @@ def names_below(node: "Node", prefix: str) -> list[str]:
 
 
 def read_limits(node: "Node") -> None:
-    """Set the map limits (`grid_map_core_py.limits`) from the parameters with the same names.
-
-    The limits apply to the whole process. Call this before the node creates or receives a map.
-    """
+    """Set the map limits of the process; call this before the node creates or receives a map."""
     texts = descriptions(Limits)
     limits = {
         name: read_parameter(node, name, int, int(default), description=texts[name])
@@ -168,16 +159,15 @@ def read_parameter_tree(
     `filters.filter1.params.radius: 1` under the prefix `filters` becomes
     `{"filter1": {"params": {"radius": 1}}}`. Names may contain any character except the separating
     dot, so `min/value` is a single name. Values keep their types from the file, except that arrays
-    become lists. Empty lists, empty mappings and null become None, because ROS knows no type for
-    them.
+    become lists. Empty lists, empty mappings and null have no type in ROS, and become None.
 
     Args:
         prefix: root of the tree.
         read_only: if False, the parameters can be set later, to values of any type; for example,
             `radius: 1` can be changed to 1.5.
         description: text that `ros2 param describe` shows for each parameter.
-        describe: function that takes the result and returns descriptions by name (without prefix);
-            parameters that it does not describe get `description`.
+        describe: function that receives the result and returns descriptions by parameter name
+            (without the prefix). All other parameters get `description`.
 
     Raises:
         ConfigError: a name has both a value and parameters below it.
@@ -231,7 +221,7 @@ def _declare(
 
 
 def unmatched_files(node: "Node", arguments: Sequence[str]) -> str:
-    """Return a warning about parameter files without a section for a node; "" if none."""
+    """Return a warning if a parameter file has no section for a node, and "" otherwise."""
     name, texts = node.get_fully_qualified_name(), []
     # In section names, `*` stands for one name and `**` for any number of names.
     wildcards = {"/**": "(/[^/]+)*", "/*": "/[^/]+"}
@@ -247,9 +237,9 @@ def unmatched_files(node: "Node", arguments: Sequence[str]) -> str:
 
 
 def unknown_parameters(node: "Node", arguments: Sequence[str]) -> str:
-    """Return a warning about parameters that are set but not declared; "" if there are none.
+    """Return a warning about parameters that are set but not declared, or "".
 
-    Sections with wildcards, such as `/**`, may contain parameters of other nodes and are ignored.
+    Sections with wildcards, such as `/**`, are ignored: they may be for other nodes.
     """
     shared = {
         f"{key}."

@@ -61,14 +61,9 @@ class Placement:
 
 
 class Poses:
-    """Pose source for scans that are already in the map frame; base class of other sources.
+    """Pose source for scans that are already in the map frame; base class of other sources."""
 
-    Attributes:
-        waits_for: description of the pose or transform that was missing when `place` last returned
-            None.
-    """
-
-    waits_for = ""
+    waits_for = ""  # pose or transform that was missing in the last call of `place`
 
     def __init__(self, map_frame: str) -> None:
         self.map_frame = map_frame
@@ -96,9 +91,7 @@ class PoseHistory(Poses):
     """Robot poses over time, with interpolation between poses.
 
     Args:
-        map_frame: frame of the poses.
         sensor: (4, 4) transform from the frame of the scans to the robot frame.
-        limit: maximum number of stored poses.
         track_point: (3,) point that the map follows [m], robot frame.
         with_covariances: include the covariances of the poses in placements.
 
@@ -132,7 +125,7 @@ class PoseHistory(Poses):
         return f"{what} on {topic}" if topic else what
 
     def mounted(self, sensor: Matrix) -> "PoseHistory":
-        """Return a pose source with the same poses for another sensor of the robot."""
+        """Return a pose source with the same poses for another sensor."""
         other = copy.copy(self)
         other._sensor = sensor
         return other
@@ -140,8 +133,7 @@ class PoseHistory(Poses):
     def add(self, message: Any) -> None:
         """Add the pose of an `Odometry`, `PoseStamped` or `PoseWithCovarianceStamped`.
 
-        A pose more than `LONGEST_JITTER` earlier than the last pose means that time was reset. All
-        stored poses are then discarded.
+        After a time reset (see `LONGEST_JITTER`), all stored poses are discarded first.
         """
         if message.header.frame_id.removeprefix("/") != self.map_frame:
             expected = f"{self.map_frame!r}, that of the map"
@@ -184,7 +176,7 @@ class PoseHistory(Poses):
         return (self._poses[-1], self._stamps[-1]) if self._stamps else None
 
     def at(self, stamp: int) -> Matrix | None:
-        """Return the robot pose at the time `stamp` [ns], or None if all poses are earlier.
+        """Return the robot pose at the time `stamp` [ns], or None if it is not known yet.
 
         If `stamp` is 0, return the latest pose. If all poses are later, raise `GridMapError`.
         """
@@ -200,11 +192,7 @@ class PoseHistory(Poses):
         return end if before == after else between(begin, end, share)
 
     def covariance_at(self, stamp: int) -> Covariance | None:
-        """Return the pose covariance at the time `stamp` [ns], or None if it is unknown.
-
-        Between two poses, the covariance is interpolated. Before the first and after the last pose,
-        the covariance of the nearest pose is returned. If `stamp` is 0, the latest pose is used.
-        """
+        """Return the pose covariance at the time `stamp` [ns] (0: latest), or None if unknown."""
         if not self._stamps:
             return None
         before, after, share = self._around(stamp)
@@ -214,7 +202,7 @@ class PoseHistory(Poses):
         return (1 - share) * begin + share * end
 
     def _around(self, stamp: int) -> tuple[int, int, float]:
-        """Return the indices of the poses around a time, and the weight of the second pose."""
+        """Return the indices of the poses before and after a time, and the weight of the second."""
         last = len(self._stamps) - 1
         after = min(bisect_left(self._stamps, stamp), last) if stamp else last
         if after == 0 or stamp == 0 or stamp >= self._stamps[after]:
@@ -271,7 +259,6 @@ def _seconds(stamp: int) -> str:
 
 
 def has_tf() -> bool:
-    """Return whether tf2 can be imported."""
     return importlib.util.find_spec(PACKAGE) is not None
 
 
@@ -291,7 +278,7 @@ def subscribe_to_poses(
     log: LogThrottle,
     depth: int = 1,
 ) -> None:
-    """Subscribe to a pose topic; for each pose, add it to `history` and call `then`."""
+    """Add the poses of a topic to `history`, and call `then` after each pose."""
 
     def add(message: Any) -> None:
         history.add(message)
@@ -359,10 +346,7 @@ class TfPoses(Poses):
         return None if found is None else from_transform(found)
 
     def latest(self) -> tuple[Matrix, int] | None:
-        """Return the latest robot pose and its time [ns], or None if no pose is known yet.
-
-        The time is 0 for a static transform.
-        """
+        """Return the latest robot pose and its time [ns] (0 if static), or None if unknown."""
         found = self._look_up(self._robot_frame, 0)
         return None if found is None else (from_transform(found), from_stamp(found.header.stamp))
 

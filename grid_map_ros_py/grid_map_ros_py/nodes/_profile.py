@@ -18,10 +18,7 @@ SHARED_MEMORY = 2**28
 
 
 def use_profile() -> None:
-    """Select the Fast DDS profile for large maps, unless the user has selected other settings.
-
-    Call this before `rclpy.init`, in processes that publish.
-    """
+    """Select the Fast DDS profile for large maps; call this before `rclpy.init`."""
     # `/dev/shm` exists only on Linux.
     with suppress(OSError):
         is_free = shutil.disk_usage("/dev/shm").free >= SHARED_MEMORY

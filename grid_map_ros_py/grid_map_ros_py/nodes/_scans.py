@@ -37,7 +37,7 @@ SILENCE = 3.0
 
 @dataclass
 class Statistics:
-    """Numbers of fused and dropped scans; total points and processing time [s] of fused scans."""
+    """Counts of scans; `points` and `seconds` are totals over all fused scans."""
 
     fused: int = 0
     dropped: int = 0
@@ -70,15 +70,9 @@ REMEDIES = {
 
 @dataclass(frozen=True)
 class Cloud:
-    """Point cloud of one scan.
+    """Point cloud of one scan: `points` (N, 3) [m] and `columns` (N,) by layer name.
 
-    Attributes:
-        frame_id: frame of the points.
-        stamp: time of the scan [ns].
-        points: (N, 3) x, y, z [m].
-        columns: additional values (N,) of the points, by layer name.
-        missing: number of pixels without a depth.
-        is_optical: True if the points come from a depth image, in whose frame z points forward.
+    `missing` is the number of pixels without a depth. `is_optical` is true if z points forward.
     """
 
     frame_id: str
@@ -92,10 +86,9 @@ class Cloud:
         return len(self.points)
 
     def usage(self, unused: Mapping[str, int]) -> str:
-        """Return a warning with causes and a remedy if too few points are used; "" otherwise.
+        """Return a warning if less than the fraction `FEW` of the points is used, or "".
 
-        Too few means less than the fraction `FEW` of all points. `unused` contains the number of
-        unused points for each reason.
+        `unused` contains the number of unused points for each reason.
         """
         total = len(self) + self.missing
         counts = Counter({**unused, "without a depth": self.missing}).most_common()
@@ -117,22 +110,17 @@ class Cloud:
 class ScanQueue:
     """Queue of the scans of one sensor that wait for their poses.
 
-    A scan more than `LONGEST_JITTER` earlier than the previous scan means that time was reset, for
-    example because a bag restarted. Waiting scans and outdated poses are then discarded.
+    After a time reset (see `LONGEST_JITTER`), waiting scans and outdated poses are discarded.
 
     Attributes:
-        poses: source of the poses.
         read: converts a message to a scan, and raises `GridMapError` if the message is invalid. A
             scan is a `Cloud`, or another object with `frame_id`, `stamp` and a length.
         fuse: called with a scan and its placement. It returns the number of unused points by
             reason, or None, and raises `GridMapError` if the scan is invalid.
-        report: called with an error message when a scan is dropped.
         what: name of a scan in error messages, such as "a cloud".
         timeout: maximum time a scan waits for its pose [s].
         queue_size: maximum number of waiting scans; an additional scan replaces the oldest.
-        clock: returns the time [s]; the default clock continues while a simulation is paused.
-        statistics: counts of scans.
-        problem: warning from `Cloud.usage` about the last fused scan; empty if there is none.
+        problem: warning from `Cloud.usage` about the last fused scan, or "".
     """
 
     poses: Poses
@@ -174,10 +162,7 @@ class ScanQueue:
         return self.work()
 
     def work(self) -> int:
-        """Fuse the scans whose poses are known; return the number of fused scans.
-
-        Call this when a pose arrives, and periodically, to drop scans that have waited too long.
-        """
+        """Fuse scans with known poses, drop expired scans, and return how many were fused."""
         fused = self.statistics.fused
         # A waiting scan does not delay scans of other frames.
         self._waiting = deque(entry for entry in self._waiting if not self._finish(*entry))
@@ -220,12 +205,7 @@ def read_cloud(message: Any, fields: Iterable[str] = ()) -> Cloud:
 class ScanInputs:
     """Subscribes to scan topics and passes the scans to their queues.
 
-    Args:
-        log: logs dropped messages and silent sensors.
-        prepare: called before waiting scans are fused.
-
-    Attributes:
-        is_enabled: if False, new scans are ignored.
+    `prepare` is called before waiting scans are fused. `is_enabled = False` ignores new scans.
     """
 
     def __init__(
@@ -247,9 +227,9 @@ class ScanInputs:
         name: str = "a sensor",
         is_reliable: bool = False,
     ) -> str:
-        """Subscribe to a topic, add its messages to a queue, and call `on_fused` after each fusion.
+        """Add the messages of a topic to a queue; return the full name of the topic.
 
-        Returns the full name of the topic. `name` identifies the sensor in the log.
+        `on_fused` is called after each fusion. `name` identifies the sensor in the log.
         """
         queue.report = self._drop
         sensor = _Sensor(name, topic, message_type, queue, on_fused, time.monotonic())
@@ -269,7 +249,6 @@ class ScanInputs:
         return sensor.topic
 
     def work(self) -> None:
-        """Fuse the scans whose poses are known, and warn about silent sensors."""
         if self._prepare:
             self._prepare()
         now = time.monotonic()

@@ -57,23 +57,22 @@ _WAKE_PERIOD = 0.1
 
 
 def run(create_node: Callable[[], Node], args: Sequence[str] | None = None) -> int:
-    """Create a node, spin it until an interrupt or a shutdown, and return the exit code.
+    """Create a node, run it until an interrupt or a shutdown, and return the exit code.
 
-    Call this function in the main thread. The first SIGINT, SIGTERM or SIGHUP takes effect after
-    the current callback. A second signal interrupts the callback; the process then ends without
-    returning. An ignored SIGHUP, as under `nohup`, stays ignored.
+    Call this function in the main thread. The first SIGINT, SIGTERM or SIGHUP ends the node after
+    the current callback. A second signal interrupts the callback and ends the process. Under
+    `nohup`, SIGHUP is ignored.
 
-    The function logs a `NodeFailedError` from a callback, and a `GridMapError` or a ROS error from
-    `create_node`, such as an invalid name. All other exceptions propagate. Parameters that are set
-    but not declared cause a warning. The node reports its state on `/diagnostics`; see `Health`.
+    A `NodeFailedError` from a callback is logged. Also logged are a `GridMapError` and a ROS error
+    from `create_node`, such as an invalid name. All other exceptions propagate. A warning lists
+    parameters that are set but not declared. The node reports its state on `/diagnostics`.
 
     Args:
         create_node: class of the node, or a function that returns the node.
         args: command-line arguments; None means `sys.argv`.
 
     Returns:
-        0 after an interrupt or a shutdown; 1 if the arguments or the configuration are wrong or the
-        node failed.
+        0 after an interrupt or a shutdown, and 1 after a logged error.
     """
     life = _Life(sys.argv if args is None else list(args))
     try:
@@ -97,7 +96,7 @@ def steady_timer(node: Node, period: float, callback: Callable[[], object]) -> T
 class ConfiguredNode(Node):
     """Base class of nodes that read their parameters in `__init__`.
 
-    The base class itself calls `read_limits`. Use `main` as the entry point of the executable.
+    The base class reads the map limits. Use `main` as the entry point of the executable.
     """
 
     def __init__(self, name: str, **options: Any) -> None:
@@ -140,8 +139,6 @@ class ConfiguredNode(Node):
 
 
 class _Life:
-    """Life cycle of a node, including signal handling."""
-
     def __init__(self, args: list[str]) -> None:
         self._args = args
         self._node: Any = None
@@ -207,10 +204,7 @@ class _Life:
             executor.shutdown()
 
     def fail(self, error: Exception) -> None:
-        """Publish an error on `/diagnostics`; log a `NodeFailedError`, and raise other errors.
-
-        Errors after a second signal are ignored.
-        """
+        """Publish an error on `/diagnostics`; log a `NodeFailedError`, and raise other errors."""
         on_end(signal.SIG_IGN)
         if self._signals > 1:
             return  # The second signal caused the error, for example an import that it interrupted.

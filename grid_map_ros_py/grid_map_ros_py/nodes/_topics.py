@@ -26,12 +26,12 @@ WEAKER: dict[QoSPolicyKind, Any] = {
 
 
 def map_qos(*, transient_local: bool = True) -> QoSProfile:
-    """Return the quality of service of map topics: reliable, depth 1, and latched by default.
+    """Return the quality of service (QoS) of map topics: reliable, depth 1, latched by default.
 
     Args:
-        transient_local: if True, the topic is latched: publishers keep the last map for subscribers
-            that join late, and subscribers request that map. Map publishers always use True. If
-            False, a subscriber also receives from volatile publishers, but misses earlier maps.
+        transient_local: if True (latched), publishers keep the last map for subscribers that join
+            late, and subscribers request this map. Map publishers always use True. If False, a
+            subscriber also receives maps from volatile publishers, but no earlier maps.
     """
     durability = DurabilityPolicy.TRANSIENT_LOCAL if transient_local else DurabilityPolicy.VOLATILE
     return QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=durability)
@@ -49,7 +49,7 @@ def warn_of_gaps(node: Node, topic: str) -> Callable[[Any], None]:
 
 
 def describe_topic(node: Node, topic: str, message_type: type) -> str:
-    """Return the full name of a topic, with its publisher count or a hint why there is none."""
+    """Return the full name of a topic, with the publisher count or a hint if there is none."""
     name, package = node.resolve_topic_name(topic), message_type.__module__.partition(".")[0]
     kind = f"{package}/msg/{message_type.__name__}"
     types = [info.topic_type for info in node.get_publishers_info_by_topic(name)]
@@ -77,8 +77,7 @@ def listen(
 ) -> Callable[[], str]:
     """Subscribe to a topic (best effort); drop and log messages that the callback rejects.
 
-    The messages are not counted in the `Health` of the node. Returns a function that describes the
-    topic, for warnings about missing messages.
+    Returns a function that describes the topic, for warnings about missing messages.
     """
 
     def receive(message: Any) -> None:
@@ -93,24 +92,20 @@ def listen(
 class LatchedSubscription:
     """Subscription that receives the last message of a latched topic and all later messages.
 
-    A transient-local subscription also receives the last message sent before it subscribed, but
-    nothing from volatile publishers. Therefore, this subscription starts as transient local, and
-    becomes volatile when a volatile publisher appears. If all known publishers are volatile, it is
-    volatile from the start.
+    The subscription is transient local, to receive the last message. It becomes volatile when a
+    volatile publisher appears, because that publisher sends nothing to transient-local
+    subscriptions.
 
     The first lost message is logged. If the callback raises a `GridMapError` or a `MemoryError`,
     the message is dropped and the error is logged. A `NodeFailedError` ends the node.
 
     Args:
-        qos: fixed quality of service; None adapts the quality of service as described above.
+        qos: fixed quality of service; None adapts the quality of service to the publishers.
         raw: pass serialized messages (bytes) to the callback.
         hears_best_effort: also switch to best effort when a best-effort publisher appears; if
             False, only log a warning about that publisher.
         depth: queue depth if `qos` is None.
         is_counted: count the messages in the `Health` of the node.
-
-    Attributes:
-        topic_name: full name of the topic.
     """
 
     def __init__(
@@ -192,9 +187,11 @@ class LatchedSubscription:
 
 
 class MapSubscription(LatchedSubscription):
-    """A `LatchedSubscription` to `grid_map_msgs/GridMap`.
+    """Subscription to `grid_map_msgs/GridMap` that also receives the last map of a latched topic.
 
-    The callback receives a `ReceivedMap` and decodes the layers that it needs.
+    The callback receives a `ReceivedMap` and decodes the layers that it needs. If the callback
+    raises a `GridMapError`, the map is dropped and the error is logged. A `NodeFailedError` ends
+    the node.
 
     Example:
         >>> def on_map(received):
@@ -221,9 +218,9 @@ class MapPublisher:
     Each new subscriber triggers a publication, because the latched map may be outdated.
 
     Args:
-        topic: topic of grid maps.
-        serialized: function that returns the current map as a message or its serialized bytes, or
-            None if there is no map yet.
+        topic: name of the map topic.
+        serialized: function that returns the current map as a message or as serialized bytes. If
+            there is no map yet, the function returns None.
         log: logs the error if a map cannot be published.
         kind: class of the messages.
 
@@ -274,8 +271,7 @@ def offer_service(
 ) -> None:
     """Create the service `~/name`; `action(request, response)` fills the response.
 
-    If `action` raises a `GridMapError` or a `MemoryError`, the error is logged and an empty
-    response is sent.
+    If `action` raises a `GridMapError` or a `MemoryError`, the response is empty.
     """
 
     def respond(request: Any, response: Any) -> Any:

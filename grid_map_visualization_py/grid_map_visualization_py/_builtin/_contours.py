@@ -26,7 +26,7 @@ _contourpy = partial(
 class ContoursVisualization(LineMarker):
     """Draw contour lines of a layer, interpolated between cell centers.
 
-    Lines cross the square between four cell centers only if at least three of the cells are finite.
+    A square of four neighboring cells contains lines only if at least three values are finite.
 
     Attributes:
         layer: layer to draw, usually heights [m].

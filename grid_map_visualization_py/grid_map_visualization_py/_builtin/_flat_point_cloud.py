@@ -14,7 +14,7 @@ from grid_map_ros_py.messages import to_flat_point_cloud
 
 @dataclass(frozen=True, kw_only=True)
 class FlatPointCloudVisualization:
-    """Draw cells as points at a constant height; skip cells where a basic layer is not finite.
+    """Draw cells as points at a constant height.
 
     Attributes:
         height: height of the points [m].

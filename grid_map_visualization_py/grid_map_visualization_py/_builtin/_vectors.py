@@ -15,7 +15,7 @@ from .._markers import LineMarker
 
 @dataclass(frozen=True, kw_only=True)
 class VectorsVisualization(LineMarker):
-    """Draw the vector of each cell as a line from the surface; skip cells with non-finite values.
+    """Draw the vector of each cell as a line that starts at the surface.
 
     Attributes:
         layer_prefix: prefix of the component layers, which end in `x`, `y` and `z`.

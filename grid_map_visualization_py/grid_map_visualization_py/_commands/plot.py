@@ -41,7 +41,6 @@ _STYLES_OF = {
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the command-line arguments of `grid-map plot` to a parser."""
     add_source(parser)
     text = f"output file ({', '.join(ENDINGS + _ANIMATED)}); the last two show all maps of a bag"
     parser.add_argument("picture", type=Path, help=text)
@@ -52,7 +51,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def add_style(parser: argparse.ArgumentParser) -> None:
-    """Add the command-line arguments for the picture style to a parser."""
     picture = parser.add_argument_group("picture")
     add, add_layer = picture.add_argument, partial(picture.add_argument, metavar="LAYER")
     text = "layer to draw; the heights with --3d or --relief (elevation, or the first)"
@@ -86,7 +84,6 @@ def add_style(parser: argparse.ArgumentParser) -> None:
 
 
 def complete_color_maps(**_: Any) -> list[str]:
-    """Return the names of all color maps for shell completion."""
     try:
         from ..colors import color_map_names
 
@@ -96,7 +93,6 @@ def complete_color_maps(**_: Any) -> list[str]:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Run `grid-map plot`: draw the picture or video and report its path."""
     is_animated = options.picture.suffix.lower() in _ANIMATED
     check_style(options, options.picture, ENDINGS + _ANIMATED)
     if is_animated and options.style:
@@ -115,7 +111,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _read(options: argparse.Namespace) -> "GridMap | TiledMap":
-    """Open the map, if possible as a tiled map, so that only the drawn parts are read."""
+    """Open the map as a tiled map if possible, so that only the drawn parts are read."""
     # Without Dask, only maps that are too large for memory are opened as tiled maps.
     tiled_map = tiled_source(options, also_small=find_spec("dask") is not None)
     if tiled_map is not None:

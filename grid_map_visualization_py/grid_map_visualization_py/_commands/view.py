@@ -36,7 +36,6 @@ _SIDE = 1000
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the command-line arguments of `grid-map view` to a parser."""
     add_source(parser, "all, with the other messages of the bag")
     add_rectangle(parser)
     add = parser.add_argument
@@ -65,7 +64,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Run `grid-map view`: serve the page until a signal arrives."""
     from .._rerun.recording import log_bag
     from .._rerun.scene import Scene, Style
     from .._rerun.server import Server
@@ -143,7 +141,7 @@ def _is_whole_bag(options: argparse.Namespace) -> bool:
 
 
 def _read(options: argparse.Namespace) -> "GridMap":
-    """Read the map, or the requested rectangle, and check that the requested layers exist."""
+    """Read the map or the requested rectangle, and check that the requested layers exist."""
     if has_rectangle(options):
         grid_map = read_rectangle(options)
     else:

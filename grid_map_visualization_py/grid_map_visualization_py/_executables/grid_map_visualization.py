@@ -26,11 +26,7 @@ from .._registry import Visualization, create, describe_parameters
 
 
 class GridMapVisualizationNode(ConfiguredNode):
-    """Node that converts maps to visualizations and publishes only those with subscribers.
-
-    While any output has subscribers, the node subscribes to maps and keeps the last map, so that
-    late-joining subscribers of an output receive a message immediately.
-    """
+    """Node that converts maps to visualizations and publishes those with subscribers."""
 
     def __init__(self) -> None:
         super().__init__("grid_map_visualization")
@@ -125,19 +121,14 @@ class GridMapVisualizationNode(ConfiguredNode):
 
 @dataclass
 class Output:
-    """A visualization and its publisher; `name` is also the topic.
-
-    Attributes:
-        is_due: True if some subscribers have not received the last map yet.
-        problem: error message if the last map could not be published; empty otherwise.
-    """
+    """A visualization and its publisher; `name` is also the topic."""
 
     name: str
     visualization: Visualization
     publisher: Any = None
     subscribers: int = 0
-    is_due: bool = False
-    problem: str = ""
+    is_due: bool = False  # True if some subscribers have not received the last map yet
+    problem: str = ""  # error if the last map could not be published
 
 
 if __name__ == "__main__":

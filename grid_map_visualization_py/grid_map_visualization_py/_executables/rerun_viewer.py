@@ -98,12 +98,10 @@ class RerunViewerNode(ConfiguredNode):
         return server
 
     def destroy_node(self) -> None:
-        """Destroy the node and end Rerun."""
         self._server.close()
         Node.destroy_node(self)
 
     def _write(self) -> None:
-        """Write the newest messages to Rerun, and report messages that cannot be shown."""
         health = health_of(self)
         for refusal in self._live.write():
             health.drop_used(refusal)

@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Executable `snapshot`: saves a picture of the next map on a topic.
 
-The picture options are the same as in `grid-map plot`. The file is written completely or not at
-all. The exit code is 0 after success or Ctrl-C, and nonzero after an error.
+See `grid-map plot` for the picture options. The exit code is 0 after success or Ctrl-C.
 """
 
 import argparse
@@ -25,10 +24,7 @@ from .._commands.plot import add_style, check_style, draw
 
 
 class SnapshotNode(Node):
-    """Node that draws the next map or, if the topic is latched, the last published map.
-
-    `options` is the result of `parsed`.
-    """
+    """Node that draws the next map or, if the topic is latched, the last published map."""
 
     def __init__(self, options: argparse.Namespace) -> None:
         super().__init__("grid_map_snapshot")
@@ -78,7 +74,6 @@ def parsed(arguments: Sequence[str]) -> argparse.Namespace:
 
 
 def main() -> int:
-    """Draw the picture and return the exit code."""
     options = parsed(remove_ros_args(sys.argv)[1:])
     return run(lambda: SnapshotNode(options))
 

@@ -98,7 +98,6 @@ class WebViewerNode(ConfiguredNode):
         self.get_logger().info(text)
 
     def destroy_node(self) -> None:
-        """Close the page and destroy the node."""
         self._page.close()
         Node.destroy_node(self)
 

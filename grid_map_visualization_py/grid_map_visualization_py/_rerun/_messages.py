@@ -22,17 +22,16 @@ PATH_COLOR = (255, 0, 200)
 
 @dataclass(frozen=True)
 class Placed:
-    """Rerun archetypes of a message or of a message part, with entity path, frame and time.
+    """Part of a message as Rerun archetypes, with its entity path, frame and time.
 
     Attributes:
         time: time in the message header [ns]; 0 if there is none.
         path: parts of the entity path below the topic, or from the root if `is_global`.
         frame: ROS frame; None if the archetypes are not drawn in a frame.
-        archetypes: function that returns the archetypes, with positions relative to a given
-            origin (3,) in `frame` [m]. It raises `MessageError` if the message is invalid.
-        is_global: True if the path starts at the root, not at the topic.
-        kept: None to log the archetypes. Otherwise, nothing is logged, and all earlier paths below
-            the topic are cleared except those in `kept`.
+        archetypes: function that returns the archetypes for an origin (3,) in `frame` [m].
+            Positions are relative to the origin. Invalid messages raise `MessageError`.
+        kept: None to log the archetypes. Otherwise, all earlier paths below the topic are cleared,
+            except those in `kept`.
     """
 
     time: int
@@ -44,8 +43,6 @@ class Placed:
 
 
 class Shape(IntEnum):
-    """Supported marker types."""
-
     ARROW = 0
     CUBE = 1
     SPHERE = 2

@@ -34,14 +34,7 @@ Slow browsers block Rerun for several seconds while they load the page.
 class LiveScene:
     """Queues the newest messages of each topic until they are written to Rerun.
 
-    Args:
-        recording: a `rerun.RecordingStream`.
-        style: style of the maps.
-
-    Attributes:
-        shown: number of written messages.
-        replaced: number of queued messages that were never written, because newer ones arrived.
-        problem: error message if Rerun currently accepts no data; empty otherwise.
+    `replaced` counts messages that newer messages replaced before they were written.
     """
 
     def __init__(self, recording: Any, style: Style) -> None:

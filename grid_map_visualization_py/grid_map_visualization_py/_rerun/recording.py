@@ -20,7 +20,9 @@ from .scene import GRID_MAP_TYPE, SHOWN_TYPES, Scene, Style, rerun
 
 @contextmanager
 def recorded(path: str | PathLike[str], style: Style | None = None) -> Iterator[Scene]:
-    """Yield a scene that is saved to a Rerun file (`.rrd`), completely or not at all.
+    """Open a Rerun file (`.rrd`), and yield a scene that writes to this file.
+
+    The file is written completely or not at all.
 
     Args:
         path: path of the file; an existing file is replaced.
@@ -47,9 +49,9 @@ def recorded(path: str | PathLike[str], style: Style | None = None) -> Iterator[
 
 @contextmanager
 def _pipe_into(target: Path) -> Iterator[tuple[str, list[OSError]]]:
-    """Yield the path of a pipe and a list of write errors; a thread copies the pipe to `target`.
+    """Yield the path of a pipe to the file `target`, and a list of write errors.
 
-    Without the pipe, Rerun would block forever if a write failed, for example on a full disk.
+    Without the pipe, Rerun would block forever on a full disk.
     """
     source, sink = os.pipe()
     errors: list[OSError] = []
@@ -89,8 +91,6 @@ def log_bag(
     affected topic. Maps with errors are skipped only if `recover` is true.
 
     Args:
-        scene: scene to write to.
-        path: path of the bag.
         topic: the map topic to write; None means all map topics. Other topics are always written.
         recover: read the undamaged part of the bag, and skip maps that cause errors.
         goes_on: called with the time [ns] of each written message; returns False to stop.

@@ -10,9 +10,9 @@ Each topic becomes an entity path, such as `grid_map` for `/grid_map`. A map has
 - `range/NAME`: curves of the smallest, mean and largest value.
 - `missing/NAME`: curve of the percentage of missing values.
 
-Each ROS frame becomes a Rerun frame. The 3-D view has its own frame, `view`, whose origin is near
-the first map, because float32, which graphics hardware uses, is imprecise for large coordinates.
-Heights are scaled by `exaggeration` only in `view`. All logged data is true to scale.
+Each ROS frame becomes a Rerun frame. The 3-D view has its own frame, `view`, with an origin near
+the first map, because graphics hardware draws large coordinates imprecisely. Only `view` scales the
+heights by `exaggeration`. All logged data is true to scale.
 """
 
 import math
@@ -72,16 +72,16 @@ class Style:
     """Style in which maps are drawn.
 
     Attributes:
-        height_layer: layer of the heights [m]; empty means `elevation`, or else the first layer.
+        height_layer: layer with the heights [m]; empty means `elevation`, or else the first layer.
         color_layer: initial color layer; if empty, the surface is colored by height.
         color_map: Matplotlib color map of `color_layer`; other layers use the default color map.
         lower, upper: values at the ends of `color_map`; None means the smallest and the largest
             value of each map.
         exaggeration: factor by which the 3-D view scales heights.
-        max_drawn_cells: maximum number of cells in a surface, and of points in a point cloud;
-            larger ones are downsampled. 0 means no limit.
-        max_image_cells: maximum number of cells in the image of each layer; larger layers are
-            thinned out. If 0, only the width and the height are limited, to 4096 pixels.
+        max_drawn_cells: maximum number of cells in a surface, or of points in a point cloud. Larger
+            maps and point clouds are downsampled. 0 means no limit.
+        max_image_cells: maximum number of cells in the image of a layer; larger layers are thinned
+            out. 0 means no limit, except that images are at most 4096 pixels wide and high.
     """
 
     height_layer: str = ""
@@ -100,7 +100,7 @@ class Style:
         self.coloring(self.color_layer)
 
     def heights_of(self, layers: Iterable[str]) -> str:
-        """Return the height layer: `height_layer`, or else the default; "" without layers."""
+        """Return the height layer, or "" if there are no layers."""
         names = [*layers]
         return self.height_layer or ("elevation" if "elevation" in names else [*names, ""][0])
 
@@ -119,9 +119,9 @@ class Style:
 class Scene:
     """Writes maps and messages to a Rerun recording and creates a matching viewer layout.
 
-    Do not use a scene in several threads at once. All times are in nanoseconds since the epoch. The
-    recording has two timelines: `ros_time` is the time in the message header, and `log_time` is the
-    time of arrival.
+    Do not use a scene in several threads at once. The recording has two timelines: `ros_time` is
+    the time in the message header, and `log_time` is the time of arrival. All times are in
+    nanoseconds since the epoch.
 
     Args:
         recording: a `rerun.RecordingStream`.
@@ -155,7 +155,7 @@ class Scene:
     def log_map(self, name: str, grid_map: GridMap, *, log_time: int | None = None) -> None:
         """Write a map to the recording.
 
-        A map without a timestamp is placed at `log_time` on both timelines.
+        If the map has no timestamp, its time is `log_time` on both timelines.
 
         Args:
             name: topic or file name of the map.
@@ -507,7 +507,7 @@ def _path(name: str, *parts: str) -> str:
 
 
 def _normals(mesh: Mesh) -> npt.NDArray[np.float32]:
-    """Return unit vertex normals (N, 3): area-weighted averages over the adjacent faces."""
+    """Return unit vertex normals (N, 3): averages over the adjacent faces, weighted by area."""
     # Differences of large heights would overflow float32.
     corners = mesh.vertices.astype(np.float64)[mesh.faces]
     faces = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])

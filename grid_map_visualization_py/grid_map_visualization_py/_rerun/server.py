@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Serves a Rerun recording to browsers.
 
-The program `rerun` does not check host names, and accepts requests from rerun.io and from pages of
-any local program. Therefore, the server runs `rerun` at a random local address, behind a relay that
-rejects browser requests from other pages.
+The program `rerun` also accepts requests from other web pages. Therefore, it runs at a random local
+address, behind a relay that rejects such requests.
 """
 
 import asyncio
@@ -50,8 +49,7 @@ Address = tuple[str, int]
 class Server:
     """Serves a recording to browsers and to the native Rerun viewer.
 
-    The program `rerun` stores the recording. Linux ends the program when the thread that created
-    the server ends, so this thread must outlive the server.
+    The thread that created the server must outlive it; otherwise, Linux ends the program `rerun`.
 
     Args:
         memory_limit: maximum size of the stored messages, such as `512MB` or `20%` (of all memory).
@@ -60,7 +58,6 @@ class Server:
     Attributes:
         recording: a `rerun.RecordingStream`, whose methods may block while the program hangs.
         page_url: URL of the page; Rerun options such as `?renderer=webgl` may be appended.
-        is_public: True if other machines can reach the page.
     """
 
     def __init__(
@@ -103,7 +100,7 @@ class Server:
 
     @property
     def problem(self) -> str:
-        """Error message if the program `rerun` has ended; empty while it runs."""
+        """Error message if the program `rerun` has ended, or ""."""
         code = self._process.poll()
         return "" if code is None else f"the program rerun has ended with exit code {code}"
 

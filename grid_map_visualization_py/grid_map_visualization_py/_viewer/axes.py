@@ -19,8 +19,7 @@ class Axes:
 
     Attributes:
         steps: tick distances along x, y and z [m].
-        low, high: indices of the first and last tick along x, y and z. Tick 0 is at the origin of
-            the frame.
+        low, high: indices of the first and last ticks. Tick 0 is at the origin of the frame.
     """
 
     steps: tuple[float, ...]
@@ -43,7 +42,7 @@ class Axes:
         return np.array([*along_y, *along_x, [(0, y[-1], 0), (0, y[-1], z[-1])]], np.float32)
 
     def labels(self) -> list[tuple[str, tuple[float, ...], str]]:
-        """Return the text, position relative to `corner` [m], and anchor of each axis label."""
+        """Return the text, position [m] and anchor of each axis label, relative to `corner` [m]."""
         # Labels are placed outside the map, on the sides that face the initial camera.
         back = (self.high[1] - self.low[1]) * self.steps[1]
         starts = np.array([(0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, back, 0.0)])
@@ -63,10 +62,7 @@ class Axes:
 
 
 def axes_around(low: Positions, high: Positions, exaggeration: float) -> Axes:
-    """Return the axes around a box with the corners `low` and `high` (3,) [m].
-
-    `exaggeration` is the factor by which drawn heights are scaled.
-    """
+    """Return the axes around a box with the corners `low` and `high` (3,) [m]."""
     length, width, height = (high - low).tolist()
     wide = round_step(max(length, width) / TICKS)
     # Height labels must not overlap.

@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Convert surfaces to binary glTF (GLB), and colors to linear light and to screen colors.
 
-Browsers load the arrays of a GLB file without parsing them. The format is specified at
-https://registry.khronos.org/glTF/specs/2.0/glTF-2.0.html
+Specification: https://registry.khronos.org/glTF/specs/2.0/glTF-2.0.html
 """
 
 import json
@@ -29,10 +28,7 @@ FROM_FILM = np.array(
 
 
 def to_glb(mesh: Mesh, *, shaded: bool = True, opacity: float = 1.0) -> bytes:
-    """Convert a mesh with at least one face to the content of a GLB file.
-
-    Vertices are relative to the origin of the mesh. If `shaded` is false, lights have no effect.
-    """
+    """Convert a mesh with at least one face to the content of a GLB file."""
     lower, upper = (bound(mesh.vertices, axis=0).tolist() for bound in (np.min, np.max))
     # 16 bits keep dark colors distinct. The fourth channel aligns vertices to four bytes.
     light = np.rint(0xFFFF * linear(np.arange(256, dtype=np.uint8))).astype("<u2")
@@ -86,8 +82,8 @@ def linear(colors: Colors) -> npt.NDArray[np.float64]:
 def on_screen(colors: Colors) -> Colors:
     """Convert the colors of a fully lit surface to the colors that appear on the screen.
 
-    The colors differ, because viser applies filmic tone mapping. Its formula is Stephen Hill's fit
-    of the Academy Color Encoding System, called `ACESFilmicToneMapping` in three.js.
+    viser applies filmic tone mapping: Stephen Hill's fit of the Academy Color Encoding System,
+    called `ACESFilmicToneMapping` in three.js.
     """
     film = EXPOSURE * linear(colors) @ TO_FILM.T
     film = (film * (film + 0.0245786) - 0.000090537) / (

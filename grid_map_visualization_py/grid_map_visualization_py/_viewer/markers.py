@@ -18,11 +18,7 @@ CORNERS = {STRIP: 2, LINES: 2, TRIANGLES: 3}
 
 
 class Markers:
-    """Markers of one topic that are visible after all messages received so far.
-
-    Attributes:
-        frames: names of the frames that contain markers.
-    """
+    """Markers of one topic that are visible after all messages received so far."""
 
     def __init__(self) -> None:
         self._drawn: dict[tuple[str, int], tuple[str, Drawing]] = {}
@@ -48,10 +44,7 @@ class Markers:
         self._drawn = drawn
 
     def drawing(self, frame_id: str) -> Drawing:
-        """Return the lines and triangles of all markers in a frame.
-
-        The drawing has the opacity of the most transparent triangles.
-        """
+        """Return the lines and triangles in a frame, with the lowest opacity of the triangles."""
         parts = [EMPTY, *(part for frame, part in self._drawn.values() if frame == frame_id)]
         *arrays, opacities = zip(*parts, strict=True)
         lines, line_colors, triangles, colors = map(np.concatenate, arrays)

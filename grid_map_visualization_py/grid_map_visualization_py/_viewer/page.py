@@ -1,8 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Web page with a scene and controls, served with viser.
-
-All browsers share the controls. Each browser has its own view.
-"""
+"""Web page with a scene and controls. Browsers share the controls, but not the view."""
 
 import io
 from collections import deque
@@ -69,12 +66,7 @@ SHADOWLESS = {"cast_shadow": False, "receive_shadow": False}
 
 
 class Page:
-    """Web page that shows maps and provides controls.
-
-    Attributes:
-        url: URL of the page.
-        is_public: True if other machines can reach the page.
-    """
+    """Web page that shows maps and provides controls."""
 
     def __init__(
         self,
@@ -156,8 +148,8 @@ class Page:
     def load(self, scene: SurfaceScene, settings: ViewSettings, *, replaces: bool) -> None:
         """Load a scene into the browsers, but leave it hidden until the next `turn`.
 
-        The previous scene stays visible while the browsers load the new one. If `replaces` is true,
-        `turn` removes the previous scene. Otherwise, `turn` keeps it in the history.
+        If `replaces` is true, `turn` removes the previous scene; otherwise, `turn` keeps it in the
+        history.
         """
         # A scene that was loaded but never shown is also replaced.
         self._replaces = replaces and (self._loading is None or self._replaces)
@@ -254,7 +246,7 @@ class Page:
             add.add_glb(f"/{name}/triangles", glb, **SHADOWLESS)
 
     def take_click(self) -> tuple[Positions, Positions] | None:
-        """Return and clear the ray (start, direction) of the last click; None without a click."""
+        """Return and clear the ray (start, direction) of the last click, or None."""
         if not self._clicks:
             return None
         start, direction = self._clicks.pop()
@@ -287,7 +279,6 @@ class Page:
             self._server.stop()
 
     def _add(self, scene: SurfaceScene, settings: ViewSettings) -> Any:
-        """Add a scene to the page as a hidden node and return the node."""
         # viser stores every node name for new browsers, so names are reused.
         taken = {frame.name for frame in self._shown}
         name = next(name for name in map("/maps/{}".format, count()) if name not in taken)
@@ -321,7 +312,7 @@ class Page:
         return frame
 
     def _lifted(self, points: npt.NDArray[np.floating]) -> Positions:
-        """Return points (..., 3) with the heights above the base scaled by the exaggeration."""
+        """Return points (..., 3) with their heights scaled by the exaggeration."""
         lifted = np.array(points, np.float64)
         lifted[..., 2] = self._base + self._exaggeration * (lifted[..., 2] - self._base)
         return lifted
@@ -339,10 +330,9 @@ class Page:
         self.mark(self._marked)
 
     def _look(self, view: View) -> None:
-        """Set the view for new browsers and for the button that resets the view.
+        """Set the initial view for new browsers and for the reset button.
 
-        If the map is out of sight or much larger or smaller than before, the cameras of all
-        browsers move to the map, but keep their viewing directions.
+        If the map is out of sight or much larger or smaller than before, all cameras move to it.
         """
         is_lost = self._aim is None or self._aim.loses(view)
         if is_lost:
@@ -516,10 +506,7 @@ def _serve(host: str, port: int, names: Container[str]) -> Any:
 
 
 def _offer(dropdown: Any, options: tuple[str, ...], preferred: str) -> None:
-    """Replace the options of a drop-down list, and keep the selection if possible.
-
-    Otherwise, select `preferred` if it is an option, or else the first option.
-    """
+    """Replace the options of a drop-down list; keep the selection, or select `preferred`."""
     chosen = next((name for name in (dropdown.value, preferred) if name in options), options[0])
     if dropdown.options != options:
         dropdown.options = options

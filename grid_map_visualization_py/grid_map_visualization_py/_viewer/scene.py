@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Scene of a map for `web_viewer`: user settings, arrays to draw in the browser, and the view."""
+"""Scene of a map for `web_viewer`: settings, arrays to draw in the browser, and the view."""
 
 import math
 from dataclasses import dataclass, field
@@ -25,17 +25,8 @@ GAP = 0.2
 class ViewSettings:
     """User settings: layers to show and their style.
 
-    Attributes:
-        height_layer: layer of the surface heights [m].
-        flat: draw the surface at height zero.
-        coloring: source of the surface colors.
-        shaded: light the surface; if False, surface and legend have exactly the same colors.
-        opacity: surface opacity, from 0 (invisible) to 1 (opaque).
-        grid_lines: draw lines between neighboring cells.
-        points: draw a point at each cell.
-        vectors: common prefix of the vector layers, which end in x, y and z; empty means none.
-        vector_scale: drawn length of a unit vector [m].
-        history: maximum number of maps in the scene.
+    `vectors` is the prefix of the vector layers, which end in x, y and z. `vector_scale` is the
+    drawn length of a unit vector [m]. `history` is the maximum number of maps in the scene.
     """
 
     height_layer: str
@@ -51,19 +42,17 @@ class ViewSettings:
 
     @property
     def layers(self) -> set[str]:
-        """Names of all layers that these settings use."""
         color_layer = "" if self.coloring.mode == "flat" else self.coloring.layer
         return {self.height_layer, color_layer, *self.vector_layers} - {""}
 
     @property
     def vector_layers(self) -> list[str]:
-        """Names of the vector component layers."""
         return [self.vectors + axis for axis in "xyz" if self.vectors]
 
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """Camera pose: camera position `start` (3,) and target point `target` (3,) [m]."""
+    """Camera position `start` (3,) and point `target` (3,) at which the camera looks [m]."""
 
     start: Positions
     target: Positions
@@ -79,7 +68,6 @@ class View:
         return float(np.linalg.norm(self.offset))
 
     def is_like(self, other: "View") -> bool:
-        """Return True if both views are almost equal."""
         poses = (self.start, self.target), (other.start, other.target)
         return np.allclose(*poses, rtol=0, atol=0.001 * self.reach)
 
@@ -92,20 +80,17 @@ class View:
 
 @dataclass(frozen=True)
 class SurfaceScene:
-    """Data that the page draws for a map; lines and vectors are relative to `mesh.origin` [m].
+    """Data that the page draws for a map.
 
     Attributes:
-        mesh: the surface, possibly without faces.
         glb: content of a GLB file with the surface; None if the surface has no faces.
-        grid_lines: (N, 2, 3) lines between neighboring cells; empty unless requested.
-        vectors: (N, 2, 3) start and end points of the vectors; empty unless requested.
-        bounds: values at the ends of the color map; None without a color map. Bounds that the user
-            has not set are computed from all cells of the map, including hidden ones. If no value
-            is finite, both bounds are NaN.
+        grid_lines: (N, 2, 3) lines between neighboring cells [m], relative to `mesh.origin`.
+        vectors: (N, 2, 3) start and end points of the vectors [m], relative to `mesh.origin`.
+        bounds: values at the ends of the color map; None without a color map. If no value is
+            finite, both bounds are NaN.
         box: lowest and highest corner (3,) of the bounding box [m], map frame.
         size: number of shown rows and columns.
         spacing: mean distance between neighboring shown cells [m].
-        view: camera pose that shows the whole map from above, looking towards +x and +y.
     """
 
     mesh: Mesh
@@ -120,7 +105,6 @@ class SurfaceScene:
 
 
 def make_scene(grid_map: GridMap, settings: ViewSettings, max_drawn_cells: int = 0) -> SurfaceScene:
-    """Create the scene of a map."""
     coloring = settings.coloring
     surface = Surface(grid_map, settings.height_layer, settings.flat, max_drawn_cells)
     mesh = surface.mesh(coloring)
@@ -159,10 +143,7 @@ def make_scene(grid_map: GridMap, settings: ViewSettings, max_drawn_cells: int =
 
 
 def on_surface(grid_map: GridMap, settings: ViewSettings, points: Positions) -> Positions:
-    """Move the points (N, 3) of a path [m, map frame] vertically to just above the drawn surface.
-
-    Points where the surface is unknown keep their heights.
-    """
+    """Move points (N, 3) [m, map frame] to just above the surface, where the surface is known."""
     result = np.array(points, np.float64)
     gap = GAP * grid_map.resolution
     inside = np.flatnonzero(grid_map.is_inside(result[:, :2]))
@@ -177,14 +158,13 @@ def on_surface(grid_map: GridMap, settings: ViewSettings, points: Positions) -> 
 
 
 class Drawing(NamedTuple):
-    """Lines and triangles that are drawn above the maps; all positions are in the map frame.
+    """Lines and triangles above the maps; positions [m] are in the map frame.
 
     Attributes:
-        lines: (N, 2, 3) start and end of each line [m].
-        line_colors: (N, 2, 3) uint8 red, green, blue of the ends.
-        triangles: (M, 3, 3) corners [m].
-        triangle_colors: (M, 3, 3) uint8 red, green, blue of the corners.
-        opacity: opacity of the triangles, from 0 to 1.
+        lines: (N, 2, 3) start and end of each line.
+        line_colors: (N, 2, 3) uint8 red, green, blue.
+        triangles: (M, 3, 3) corners.
+        triangle_colors: (M, 3, 3) uint8 red, green, blue.
     """
 
     lines: Positions
@@ -209,7 +189,7 @@ def drawn_path(points: Positions, color: tuple[int, int, int]) -> Drawing:
 
 
 def raised(drawing: Drawing, grid_map: GridMap, settings: ViewSettings) -> Drawing:
-    """Return a drawing raised slightly above the surface; flatten it first if `settings.flat`."""
+    """Raise a drawing slightly, to keep it visible; if `settings.flat`, start at height zero."""
     gap = np.array([0.0, 0.0, GAP * grid_map.resolution])
     flat = np.array([1.0, 1.0, 0.0 if settings.flat else 1.0])
     lines, triangles = drawing.lines * flat + gap, drawing.triangles * flat + gap

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Status, legend and cell values as HTML, escaped because names may contain markup."""
+"""Status, legend and cell values as HTML; names are escaped."""
 
 import math
 from collections.abc import Iterable
@@ -44,8 +44,7 @@ def status(
 ) -> str:
     """Return the HTML table with the status of the map.
 
-    `shown` is the number of shown rows and columns, `rate` the rate of received maps [Hz],
-    `silence` the time since the last map [s], and `now` the ROS time [ns].
+    `rate` is the map rate [Hz]. `silence` is the time since the last map [s]. `now` is in ns.
     """
     stamp = grid_map.timestamp
     age = 1e-9 * (now - stamp)
@@ -72,10 +71,7 @@ def _time(seconds: float) -> str:
 
 
 def legend(coloring: Coloring, bounds: tuple[float, float], title: str) -> str:
-    """Return a color bar (HTML) in the colors of the lit surface, with a title and the bounds.
-
-    Bounds that are NaN are omitted.
-    """
+    """Return a color bar (HTML) with a title and the bounds; NaN bounds are omitted."""
     # The browser interpolates between 16 colors.
     colors = replace(coloring, lower=0.0, upper=1.0)(np.linspace(0, 1, 16, dtype=np.float32))
     stops = ",".join("rgb({},{},{})".format(*color) for color in on_screen(colors).tolist())
@@ -89,9 +85,9 @@ def legend(coloring: Coloring, bounds: tuple[float, float], title: str) -> str:
 
 
 def readout(grid_map: GridMap, position: Positions) -> str:
-    """Return the HTML table of the cell at `position` (2,) [m, map frame], with all layer values.
+    """Return an HTML table with all values of the cell at `position` (2,) [m, map frame].
 
-    The map must be unwrapped and contain all layers.
+    The map must be unwrapped.
     """
     place = [("x", f"{position[0]:.3f} m"), ("y", f"{position[1]:.3f} m")]
     if not grid_map.is_inside(position):

@@ -29,11 +29,7 @@ def rate_of(arrivals: Iterable[float], now: float) -> float:
 
 
 class Viewer:
-    """Shows maps on a page.
-
-    Only the layers that the page needs are decoded, and only while a browser is connected. `clock`
-    returns the ROS time [ns].
-    """
+    """Shows maps on a page while a browser is connected; `clock` returns the ROS time [ns]."""
 
     def __init__(
         self, page: Page, max_drawn_cells: int, clock: Callable[[], int] = time.time_ns
@@ -82,10 +78,7 @@ class Viewer:
         self._check_frames("header.frame_id", {frame_id} if len(points) else set())
 
     def receive_markers(self, message: Any) -> None:
-        """Accept a `visualization_msgs/MarkerArray`, to draw its markers on maps in the same frame.
-
-        Raise `MessageError` if a marker has an unsupported type or is in another frame.
-        """
+        """Accept a `visualization_msgs/MarkerArray`; raise `MessageError` if it cannot be shown."""
         self._markers.receive(message)
         self._check_frames("markers.header.frame_id", self._markers.frames)
 
@@ -94,10 +87,7 @@ class Viewer:
             raise MessageError(field, f"{self.frame_id!r}, that of the map", min(others))
 
     def update(self) -> str:
-        """Update the page; return an error message, or an empty string if there is no error.
-
-        After an error in the map or the settings, the page shows the message and the last map.
-        """
+        """Update the page; return an error message, or "" if there is no error."""
         page = self._page
         if page.is_watched:
             try:
@@ -128,7 +118,6 @@ class Viewer:
         return self._problem
 
     def _draw(self, grid_map: GridMap) -> None:
-        """Draw the path and the markers that are in the frame of the map."""
         if (settings := self._settings) is None:
             return
         points = self._path if self._path_frame == grid_map.frame_id else self._path[:0]

@@ -60,7 +60,9 @@ def save_picture(
     dpi: float = 110,
     **options: Any,
 ) -> None:
-    """Write a picture of a map to a file, completely or not at all.
+    """Write a picture of a map to a file.
+
+    The file is written completely or not at all.
 
     Args:
         grid_map: as for `plot`.
@@ -111,12 +113,12 @@ def save_animation(
 ) -> None:
     """Write recorded maps to a video or an animated GIF; each frame is drawn with `plot`.
 
-    All frames show the same value range, and the same rectangle, which covers all maps. Therefore,
-    motion and changed values are visible. To determine the range and the rectangle, all maps are
-    read once before the frames are drawn. The title shows the time since the first map.
+    All frames show the same area and the same value range, so that motion and changed values are
+    visible. Therefore, all maps are read once before the frames are drawn. The title shows the time
+    since the first map.
 
-    The frame rate is constant and matches the median interval between maps. Above 50 frames per
-    second, only every n-th map is drawn. The frames of a GIF are kept in memory until the end.
+    The frame rate is constant. It follows from the median interval between maps. Above 50 frames
+    per second, only every n-th map is drawn. The frames of a GIF are kept in memory until the end.
 
     Args:
         records: maps in time order, such as a `BagReader`.
@@ -124,14 +126,14 @@ def save_animation(
         path: path of the .gif or .mp4 file; an existing file is replaced.
         speed: playback speed relative to the recording.
         dpi: pixels per inch.
-        progress: called with the number of drawn maps and the total number of maps, after each map
-            that is read or drawn.
+        progress: called after each map with the number of drawn maps and the number of all maps.
+            The number of drawn maps stays 0 while the maps are first read.
         options: keyword arguments of `plot`, except `ax`.
 
     Raises:
         LayerNotFoundError: a map lacks a layer.
         ConfigError: there are no maps, or the file extension or an option is invalid.
-        MissingPackageError: neither `ffmpeg` nor the package imageio-ffmpeg is installed (.mp4).
+        MissingPackageError: for .mp4, neither `ffmpeg` nor imageio-ffmpeg is installed.
         OSError: the file cannot be written.
     """
     ending = _ending_of(path, ".gif", ".mp4")

@@ -1,10 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Draw a layer from above, with hillshading, holes, a scale bar and a north arrow.
-
-Maps larger than the picture are reduced first. Each block of cells becomes one pixel that shows the
-mean of the finite values. Red, green and blue of packed colors are averaged separately. Blocks with
-some missing values are partly transparent, so that single holes and single values remain visible.
-"""
+"""Draw a layer from above, with hillshading, holes, a scale bar and a north arrow."""
 
 import math
 from typing import Any, NamedTuple
@@ -59,10 +54,7 @@ class Blocks(NamedTuple):
 
 
 def block_side(axes: Any, size: tuple[int, int], max_drawn_cells: int | None) -> int:
-    """Return the side length [cells] of the square blocks that are drawn as one pixel each.
-
-    `size` is the number of rows and columns of the map. For `max_drawn_cells`, see `plot`.
-    """
+    """Return the side length [cells] of the blocks that become one pixel each."""
     if max_drawn_cells is not None:
         return max(1, math.ceil(math.sqrt(size[0] * size[1] / (max_drawn_cells or math.inf))))
     # A color bar uses a fifth of the axes.
@@ -77,8 +69,8 @@ def paint(
 ) -> bool:
     """Draw a map on axes, and return True if some cells have no value.
 
-    Each block of `side` x `side` cells is drawn as one pixel. `heights` is the height layer for
-    hillshading; empty means no hillshading. The axis limits are set to the map.
+    Each block of `side` x `side` cells becomes one pixel. `heights` is the height layer for
+    hillshading; empty means no hillshading.
     """
     is_color = coloring.mode == "color"
     layer = grid_map.unwrapped(coloring.layer)
@@ -196,8 +188,7 @@ def _block_sums(cells: npt.NDArray[Any], side: int) -> npt.NDArray[np.float64]:
 def lit(colors: npt.NDArray[np.floating], normals: npt.NDArray[np.floating]) -> Any:
     """Return hillshaded colors (..., 3) in [0, 1]; colors with a NaN normal stay unchanged.
 
-    Level ground has a light intensity of 0.5, at which the blend mode "soft light" (Pegtop) keeps
-    colors unchanged.
+    The blend mode "soft light" (Pegtop) keeps the colors of level ground.
     """
     with np.errstate(invalid="ignore"):
         normals = normals / np.linalg.norm(normals, axis=-1, keepdims=True)

@@ -61,10 +61,10 @@ def plot(
 ) -> Any:
     """Draw a layer of a map from above.
 
-    Cells without a finite value are hatched in gray. If a side of the map has more than twice as
-    many cells as the axes have pixels, blocks of cells are averaged. Each block shows the mean of
-    its finite values or colors, and is partly transparent if some are missing. A tiled map is
-    first downsampled to at most four cells per pixel; see `TiledMap.thinned`.
+    Cells without a finite value are hatched in gray. If a map has more than two cells per pixel
+    along a side, blocks of cells are averaged. Each block shows the mean of its finite values or
+    colors. Blocks with missing values are partly transparent. A tiled map is first downsampled to
+    at most four cells per pixel; see `TiledMap.thinned`.
 
     Args:
         grid_map: a `GridMap`, a `TiledMap`, or an xarray dataset or array.
@@ -75,9 +75,10 @@ def plot(
         lower, upper: values at the ends of the color map; None means smallest and largest value.
         invert: reverse the color map.
         hillshade: name of the height layer [m] used for hillshading. False means no shading. None
-            shades only height layers: their names start with elevation, height, altitude, DEM, DSM
-            or DTM, and contain no word such as variance, slope or color. True also shades other
-            layers, with the heights in `elevation` or else in the first height layer.
+            shades the layer only if it is a height layer. Names of height layers start with
+            elevation, height, altitude, DEM, DSM or DTM, and contain no word such as variance,
+            slope or color. True also shades other layers, with the heights in `elevation` or the
+            first height layer.
         exaggeration: factor by which the heights are scaled for hillshading.
         max_drawn_cells: maximum number of blocks. None adapts the blocks to the pixels, as
             described above; 0 draws every cell.
@@ -307,10 +308,7 @@ def _opened(grid_map: AnyMap) -> "GridMap | TiledMap":
 
 
 def _loaded(site: "GridMap | TiledMap", layers: set[str], cells: float) -> "GridMap":
-    """Return a `GridMap` unchanged, or load `layers` of a tiled map.
-
-    A large tiled map is downsampled, but keeps at least `cells` cells.
-    """
+    """Return a `GridMap` unchanged; load a tiled map with at least `cells` cells."""
     if isinstance(site, GridMap):
         return site
     names = [name for name in site.layers if name in layers] + sorted(layers - {*site.layers})

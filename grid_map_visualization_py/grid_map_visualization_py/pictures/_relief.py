@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Perspective picture of a height field, with cast shadows and ambient occlusion.
 
-The floating horizon algorithm traces one ray per picture column over the ground, from near to far,
-and draws the parts that rise above all nearer parts. Vertical lines stay vertical, as in a photo
-from a level camera with a shift lens.
+The floating horizon algorithm traces one ray per picture column over the ground, from near to far.
+It draws the parts that rise above all nearer parts. Vertical lines stay vertical.
 
 The unit of length is one cell. Ground coordinates (x, y) start at the center of the first cell.
 """
@@ -44,12 +43,11 @@ def draw_relief(
 ) -> Colors:
     """Return a picture (height, width, 3) of the terrain on a white background.
 
+    See `plot_relief` for `size`, `azimuth` and `elevation`.
+
     Args:
         heights: (nx, ny) heights; NaN is drawn at the height of the nearest cell.
         colors: (nx, ny, 3) red, green, blue.
-        size: width and height of the picture [pixels].
-        azimuth: direction from the map to the camera [rad], measured from +x towards +y.
-        elevation: elevation angle of the camera [rad].
         scale: factor that converts the heights to cells and exaggerates them.
     """
     width, height = (_SUPERSAMPLING * side for side in size)
