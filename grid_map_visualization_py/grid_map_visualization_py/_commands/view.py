@@ -123,7 +123,7 @@ def _is_whole_bag(options: argparse.Namespace) -> bool:
     if source_format(options) != "bag" or options.index is not None:
         return False
     if has_rectangle(options):
-        raise UsageError("a rectangle is of one map of a bag: choose it by --index")
+        raise UsageError("a rectangle needs one map of the bag: select it with --index")
     from grid_map_ros_py import bag_topics
 
     from .._rerun.scene import SHOWN_TYPES

@@ -498,7 +498,7 @@ def _serve(host: str, port: int, names: Container[str]) -> Any:
             server = viser.ViserServer(host, port, label="Grid map", verbose=False)
             if not is_guarded:
                 server.stop()
-                why = "this viser has no guard"
+                why = "this version of viser cannot reject requests of other pages"
                 raise PageError(f"the page cannot be served at {host}:{port}: {why}")
     finally:
         websockets.serve = serve
