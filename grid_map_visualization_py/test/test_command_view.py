@@ -136,7 +136,7 @@ NEITHER = "expected --position or --lat and --lon, with --length; got"
             "--lat and --lon: expected a place in the ",
         ),
         ("site.npz --lat 48 --lon 11 --length 5 5", 1, "are for zarr and geotiff, and this is npz"),
-        ("survey --position 1 2 --length 5 5", 2, "a rectangle is of one map of a bag: choose it"),
+        ("survey --position 1 2 --length 5 5", 2, "a rectangle needs one map of the bag: select"),
         ("site.zarr --most-shown 0", 2, "--most-shown: expected a positive number, got 0"),
         ("site.zarr --port 99999", 1, "served at 127.0.0.1:99999: bind(): port must be 0-65535"),
         ("site.zarr --layer elevtion", 1, "no layer 'elevtion'; available: elevation"),
