@@ -24,7 +24,7 @@ INTERPOLATIONS = {
 
 
 def resolution_at(seconds: float) -> float:
-    """Return a resolution [m] that oscillates from 0.01 to 0.09 every 2 pi seconds."""
+    """Return a resolution between 0.01 and 0.09 m that oscillates with a period of 2 pi s."""
     return 0.05 + 0.04 * math.sin(seconds)
 
 

@@ -58,10 +58,10 @@ class LocalFilter(Filter, Protocol):
 
 @runtime_checkable
 class GlobalFilter(Filter, Protocol):
-    """Local filter that also needs quantities of the whole map, such as a mean."""
+    """Filter that needs statistics of the whole map, such as a mean, before it runs on tiles."""
 
     def for_tiles_of(self, tiled_map: "TiledMap", options: "TileOptions", /) -> Filter:
-        """Compute quantities with `tiled_map.over_tiles`, and return a `LocalFilter` for tiles."""
+        """Compute the statistics with `tiled_map.over_tiles`; return a `LocalFilter` for tiles."""
 
 
 @runtime_checkable

@@ -38,5 +38,5 @@ def rgba_of(marker: Any) -> npt.NDArray[np.uint8]:
 
 
 def of_points(rgba: npt.NDArray[np.uint8], count: int) -> npt.NDArray[np.uint8]:
-    """Repeat one color, or one color per triangle, to one color for each of `count` points."""
+    """Expand one color, or one color per triangle, to one color for each of `count` points."""
     return np.repeat(rgba, -(-count // len(rgba)), axis=0)[:count]

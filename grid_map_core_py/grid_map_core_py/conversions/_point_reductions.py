@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Functions that reduce the point values in each cell to one value.
 
-The arguments are the flat cell (n,) and the value (n,) of each point, and the number of cells. The
-result is one float32 per cell. Without points, the count is 0 and all other results are NaN.
+The arguments are the flat cell index (n,) and the value (n,) of each point, and the number of
+cells. The result is one float32 per cell. In cells without points, the count is 0, and all other
+results are NaN.
 """
 
 from collections.abc import Callable, Mapping

@@ -88,9 +88,10 @@ def in_one_order(points: Sorted, values: NDArray[Any]) -> Integers:
 def deal(
     cells: Any, points: Any, count: Any, size: Any, borders: Any, order: Any, dealt: Any
 ) -> None:
-    """Sort points (count,) as described in `Sorted`.
+    """Sort `count` points as described in `Sorted`; write them to `order` and `dealt`.
 
-    `borders` (size + 1,) contains zeros. On return, `borders[i]` is the end (exclusive) of cell i.
+    `borders` (size + 1,) must contain zeros. On return, the points of cell i end before index
+    `borders[i]`.
     """
     heights, variances = points
     sorted_heights, sorted_variances = dealt
@@ -252,8 +253,8 @@ def _grow_arrays(
 def grow_clusters(borders: Any, count: Any, points: Any, gate: Any, counts: Any, sums: Any) -> None:
     """Write the `counts` and `sums` of each cluster at the index of its first point.
 
-    The sums are those of w, w h and w h^2, where w is the inverse variance of a point, and h is its
-    height above the first point.
+    `sums` are the sums of w, w h and w h^2 over the points, where w is the inverse variance of a
+    point, and h is its height above the first point.
     """
     begins, ends = borders
     z, r = points

@@ -50,7 +50,7 @@ def fused(heights: Cells, variances: Cells, horizontal: Cells, resolution: float
 def _neighbors(
     heights: Cells, variances: Cells, deviations: Cells, known: NDArray[np.bool_], reach: int
 ) -> Iterator[tuple[Cells, Cells, Cells]]:
-    """Yield weights (0 if unknown), heights and variances (k,) of each neighbor of k cells."""
+    """Yield weights (0 if unknown), heights and variances (k,), for one neighbor of all k cells."""
     padded = np.pad(heights, reach, constant_values=np.nan)
     spread = np.pad(variances, reach, constant_values=np.nan)
     # Probability that the position error along an axis rounds to each number of cells.

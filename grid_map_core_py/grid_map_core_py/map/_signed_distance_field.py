@@ -159,8 +159,9 @@ class SignedDistanceField:
     def gradient(self, points: ArrayLike) -> Positions:
         """Return the derivatives of the signed distance along x, y and z.
 
-        The result is the gradient of the interpolated `value`. It changes abruptly at the planes
-        through nodes. Within 1e-9 m of such a plane, the result is the mean of both sides.
+        The result is the gradient of the interpolated `value`. It is discontinuous at planes
+        through nodes. Within 1e-9 m of such a plane, the result is the mean of the gradients on
+        both sides.
 
         Args:
             points: (3,) or (N, 3) x, y, z [m], map frame.

@@ -70,9 +70,9 @@ def _seen_from_above(
 ) -> tuple[NDArray[np.float32], _Indices]:
     """Return the height of the highest point in each new cell, and the index of its source cell.
 
-    Both arrays are in column-major order. Cells without points have the height -inf. Among equally
-    high points, the last source cell counts. `steps` contains the offsets (dx, dy) [m] of points
-    from the cell center.
+    Each source cell has one point per offset (dx, dy) [m] from its center in `steps`. Both results
+    are in column-major order. Cells without points get the height -inf. If several points are
+    equally high, the last source cell wins.
     """
     heights = grid_map.unwrapped(height_layer)
     x, y = grid_map.geometry.axes_in_map_order()

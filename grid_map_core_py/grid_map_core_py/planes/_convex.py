@@ -63,7 +63,7 @@ def convex_inside(region: PlanarRegion, position: ArrayLike, vertices: int = 16)
 
 
 def _grown(edges: Positions, x: float, y: float) -> Positions:
-    """Return a convex polygon (K, 2) around (0, 0) and (x, y) that no edge crosses."""
+    """Return a convex polygon (K, 2) that contains (0, 0) and (x, y) but no part of `edges`."""
     # The nearest points of a segment and an edge include an end of one of them.
     ways = [to_edges(edges, *end) for end in ((0.0, 0.0), (x, y))]
     ways += [to_edges((0.0, 0.0, -x, -y), *-end) for end in edges.reshape(2, 2, -1)]

@@ -106,7 +106,7 @@ def _window_cells(resolution: float, size: int | None, length: float | None) -> 
 def _windows(
     padded: Layer, start: Size, shape: Size, edge_handling: EdgeHandling, size: int
 ) -> Iterator[tuple[Size, Layer]]:
-    """Yield the buffer index and window of each cell; `padded` has a margin of NaN."""
+    """Yield the buffer index and window of each cell; `padded` is in map order in a NaN margin."""
     margin = size // 2
     for column, row in product(range(shape[1]), range(shape[0])):
         first = (row - start[0]) % shape[0], (column - start[1]) % shape[1]

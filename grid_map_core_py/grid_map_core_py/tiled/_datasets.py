@@ -126,8 +126,9 @@ def grid_mapping(crs: str) -> dict[str, Any]:
 def as_dataset(data: "xarray.Dataset | xarray.DataArray") -> "xarray.Dataset":
     """Convert a dataset or data array to a dataset with one variable per band.
 
-    A single band keeps the name of its variable. Several bands without unique names are numbered,
-    such as `height_2`. Missing values become NaN. Scales and offsets are applied.
+    A single band keeps the name of its variable. If several bands have no unique names, they
+    are named `height_1`, `height_2`, and so on. Missing values become NaN. Scales and offsets are
+    applied.
     """
     xr = required("xarray", "a dataset")
     dataset: Any = data

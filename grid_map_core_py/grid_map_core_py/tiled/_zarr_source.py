@@ -144,9 +144,10 @@ def merge(
 
 
 def _under(tiled_map: TiledData, grid_map: GridMap) -> tuple[Window, list[NDArray[Any]]]:
-    """Return the window of store cells with centers inside a map, and the map cells under it.
+    """Return the window of store cells whose centers are inside a map, and their map cells.
 
-    The map cells are two index arrays: the map row of each row, and the map column of each column.
+    The map cells are two arrays: the map row of each window row, and the map column of each window
+    column.
     """
     outer, inner = tiled_map.geometry, grid_map.geometry
     border = outer.resolution

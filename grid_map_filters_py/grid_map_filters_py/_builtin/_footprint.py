@@ -22,10 +22,10 @@ from ..parts._layer_filter import LayerFilter
 class Footprint(LayerFilter):
     """Combine the values of the cells under the robot's footprint.
 
-    The robot is placed at each cell center and turned to several directions. `statistic` combines
-    the cells under the footprint to one value per direction. `directions` combines these values.
-    Non-finite cells and cells beyond the map are unknown. A direction is unknown if the footprint
-    touches an unknown cell.
+    The robot is placed at each cell center and rotated to `yaws` headings. `statistic` combines the
+    cells under the footprint into one value per heading. `directions` combines the values of all
+    headings. Non-finite cells and cells outside the map are unknown. A heading is unknown if the
+    footprint touches an unknown cell.
 
     Attributes:
         input_layer: values, such as traversability.
@@ -33,11 +33,11 @@ class Footprint(LayerFilter):
         footprint: corners [x, y] of the robot [m] in order along its outline; x points forward. The
             value is a list or, as in Nav2, a string.
         radius: radius of a round robot [m]; replaces `footprint`.
-        yaws: number of directions, evenly spread over a full turn.
+        yaws: number of headings, evenly spread over a full turn.
         statistic: how the cells under the footprint are combined. Use `min` or `mean` if high
             values are good, as for traversability. Use `max` if high values are bad, as for costs.
-        directions: how directions are combined. `worst` gives the value of the worst direction, or
-            NaN if a direction is unknown. `best` gives the value of the best known direction.
+        directions: how headings are combined. `worst` gives the value of the worst heading, or NaN
+            if a heading is unknown. `best` gives the value of the best known heading.
     """
 
     footprint: str | tuple[tuple[float, ...], ...] | None = None

@@ -34,7 +34,7 @@ class StepHeight(DiscFilter):
         input_layer: heights [m].
         second_window_radius: radius of the second disc [m]; requires `critical_value`.
         critical_value: height difference above which a cell counts as part of a step [m].
-        critical_cell_number: number of cells above `critical_value` from which a step counts fully.
+        critical_cell_number: number of cells above `critical_value` that make a step count fully.
     """
 
     second_window_radius: float | None = None

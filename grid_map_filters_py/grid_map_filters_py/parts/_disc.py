@@ -139,14 +139,13 @@ class Disc:
             values: array returned by `padded`.
             axis: array axis along which the lines run. A disc has one line at its center, and two
                 lines at any other distance from the center.
-            moments: multiply each value by its signed distance from the middle of the line.
+            moments: whether to weight values by their signed distance from the middle of the line.
 
         Yields:
             distance: distance of the lines from the center [cells], in decreasing order down to 0.
-            ahead: for every cell, sum over the line at a higher index than the cell. The layout is
-                that of the flat array of `totals`. The next iteration overwrites the array.
-            behind: the same for the line at a lower index than the cell; equal to `ahead` if the
-                distance is 0.
+            ahead: for every cell, sum over the line at `distance` towards higher indices. The array
+                is laid out like the flat array of `totals`; the next iteration overwrites it.
+            behind: the same towards lower indices; equal to `ahead` if `distance` is 0.
         """
         # In a flat array, one slice contains the neighbors of all cells at a given offset.
         flat, strides = values.T.reshape(-1), (1, len(values))

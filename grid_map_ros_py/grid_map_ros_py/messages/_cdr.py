@@ -189,7 +189,7 @@ class _Reader:
 
 
 class _Number:
-    """Codec of a number; `code` is its format character in `struct`."""
+    """Codec for a number; `code` is its format character in `struct`."""
 
     def __init__(self, code: str) -> None:
         self.code = code
@@ -246,7 +246,7 @@ class _Text:
 
 
 class _Items:
-    """Codec of an array of `count` values, or of a sequence of at most `bound` values."""
+    """Codec for an array of `count` values, or for a sequence of at most `bound` values."""
 
     def __init__(self, item: "_Codec", *, count: int | None = None, bound: int = 0) -> None:
         self._item = item

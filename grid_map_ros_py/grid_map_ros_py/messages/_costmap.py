@@ -37,7 +37,7 @@ COSTS = CostRange(FREE, LETHAL)
 
 @dataclass(frozen=True, eq=False)
 class _Occupancies:
-    """Codec of occupancy; `costs` (102,) holds the costs of occupancy 0 to 100 and of -1."""
+    """Codec for occupancy; `costs` (102,) holds the costs of occupancy 0 to 100 and of -1."""
 
     costs: Costs
 
@@ -51,7 +51,7 @@ class _Occupancies:
         return elementwise(convert, np.uint8, as_numbers(values, "values"))
 
     def to_values(self, costs: npt.ArrayLike) -> Layer:
-        """Convert costs (...) to the float32 occupancy that Nav2 publishes; 255 becomes NaN."""
+        """Convert costs (...) to the occupancies of Nav2, as float32; cost 255 becomes NaN."""
         return VALUES.take(OCCUPANCY_OF_COST.take(np.asarray(costs)))
 
 

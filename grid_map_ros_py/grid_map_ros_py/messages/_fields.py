@@ -141,7 +141,7 @@ def check_grid(field: str, info: Any, cells: tuple[str, str], values: int) -> Gr
 
     Args:
         field: path of `info` in the message.
-        info: grid description with the origin, the corner with the smallest x and y.
+        info: grid description; its origin is the corner with the smallest x and y.
         cells: attribute names of the cell counts along x and y.
         values: number of values in the message.
     """

@@ -205,7 +205,8 @@ def read_cloud(message: Any, fields: Iterable[str] = ()) -> Cloud:
 class ScanInputs:
     """Subscribes to scan topics and passes the scans to their queues.
 
-    `prepare` is called before waiting scans are fused. `is_enabled = False` ignores new scans.
+    `prepare` is called before queued scans are fused. While `is_enabled` is False, new scans are
+    ignored.
     """
 
     def __init__(

@@ -506,7 +506,7 @@ def _serve(host: str, port: int, names: Container[str]) -> Any:
 
 
 def _offer(dropdown: Any, options: tuple[str, ...], preferred: str) -> None:
-    """Replace the options of a drop-down list; keep the selection, or select `preferred`."""
+    """Replace the options of a list; keep the selection if possible, or select `preferred`."""
     chosen = next((name for name in (dropdown.value, preferred) if name in options), options[0])
     if dropdown.options != options:
         dropdown.options = options

@@ -29,7 +29,7 @@ def rate_of(arrivals: Iterable[float], now: float) -> float:
 
 
 class Viewer:
-    """Shows maps on a page while a browser is connected; `clock` returns the ROS time [ns]."""
+    """Shows maps on a web page while a browser is connected. `clock` returns the ROS time [ns]."""
 
     def __init__(
         self, page: Page, max_drawn_cells: int, clock: Callable[[], int] = time.time_ns
