@@ -150,7 +150,7 @@ class LatestOnly(Generic[T]):
             yield self._outcomes.popleft()
 
     def close(self, timeout: float) -> bool:
-        """Process the waiting item and end the thread; return whether that took < `timeout` [s]."""
+        """End the thread after the waiting item; return whether it ended within `timeout` [s]."""
         with self._change:
             self._is_closed = True
             self._change.notify()

@@ -29,8 +29,8 @@ class Parameters:
         min_variance: smallest variance of a cell [m^2].
         max_variance: variance [m^2] above which a cell becomes unknown; 0 or less means no limit.
             The default for a `ConstantModel` is 100.
-        mahalanobis_distance_threshold: difference up to which a point and the cell height agree
-            [standard deviations].
+        mahalanobis_distance_threshold: largest difference between a point and the cell height
+            that counts as agreement [standard deviations].
         multi_height_noise: variance added to a cell whose height a scan contradicts [m^2].
         time_variance: growth rate of the variance of every cell [m^2/s].
         scanning_duration: time without confirmation after which a cell may be cleared or lowered
@@ -53,8 +53,8 @@ class Parameters:
         min_drift_cells: number of cells that must agree on the offset.
         ignore_points_above: height relative to the sensor above which points are ignored [m].
         ignore_points_below: height relative to the sensor below which points are ignored [m].
-        min_range: points nearer to the sensor are ignored [m].
-        max_range: points farther from the sensor are ignored [m].
+        min_range: distance from the sensor below which points are ignored [m].
+        max_range: distance from the sensor above which points are ignored [m].
         horizontal_variances: add the layer `horizontal_variance`, which `ElevationMapper.fused_map`
             needs.
         exponential_alpha: weight of the last scan in `exponential` fusion, 0 to 1.

@@ -52,7 +52,7 @@ class Settings:
             `track_point_frame_id` [m].
         pose_source: source of the poses; `auto` means `tf` if tf2 is installed, else `topic`.
         robot_pose_with_covariance_topic: topic of the robot poses. Without tf, empty means `/pose`.
-            With tf, only the covariances are used, and empty means that poses are exact.
+            With tf, only the covariances are used; if empty, poses are assumed to be exact.
         pose_type: message type of `robot_pose_with_covariance_topic`.
         robot_pose_cache_size: maximum number of stored poses.
         pose_timeout: maximum time a scan waits for its pose [s].
