@@ -122,12 +122,11 @@ def page(tmp_path, monkeypatch) -> Iterator[Page]:
 
 
 def test_page_shows_surface_legend_value_and_both_times(page):
-    drawn = page.wait_for(
-        lambda picture: all(share(picture[LEGEND], end) > 0.0003 for end in (DARK, BRIGHT)),
-        "the legend",
-    )
-    for end in DARK, BRIGHT:
-        assert share(drawn[SURFACE], end, 40) > 0.0003
+    def is_drawn(picture: np.ndarray) -> bool:
+        parts = (picture[LEGEND], 12), (picture[SURFACE], 40)
+        return all(share(part, end, off) > 0.0003 for part, off in parts for end in (DARK, BRIGHT))
+
+    page.wait_for(is_drawn, "the legend and the surface")
     # The other layer has this value in all cells, so the page must write the same number there.
     page.tab.mouse.move(*ELEVATION)
     box = page.wait_for(lambda picture: has_text(picture[NUMBER]), "the value")[NUMBER]
