@@ -8,7 +8,7 @@ empty :=
 SOURCES := $(subst $(empty) ,:,$(addprefix $(CURDIR)/,$(wildcard grid_map_*_py)))
 
 .DEFAULT_GOAL := help
-.PHONY: help setup build demo test test-fast test-oldest test-shuffled explore fuzz check format tables requirements docs bench bench-compare soak clean distclean
+.PHONY: help setup build demo test test-fast test-oldest test-shuffled explore fuzz check format tables requirements docs pictures bench bench-compare soak clean distclean
 
 help:  ## List the targets
 	@sed -n 's/^\([a-z-]*\):.*## /\1\t/p' $(MAKEFILE_LIST) | expand -t 16
@@ -73,6 +73,9 @@ docs: build  ## Build the documentation site in build/docs/
 	    PYTHONPATH=$(SOURCES):$$PYTHONPATH:$$libraries .venv-docs/bin/python -m sphinx -qEW -j auto --keep-going -c docs . build/docs && \
 	    PYTHONPATH=$$libraries .venv-docs/bin/python -m pytest -q --noconftest -p no:cacheprovider test/built_site.py && \
 	    echo "The site is build/docs/index.html"
+
+pictures: build  ## Draw the pictures of the documentation and compare them with those in docs/images/
+	@$(ENTER) python3 -m pytest -q test/drawn_pictures.py
 
 bench: build  ## Run the benchmarks
 	@$(ENTER) python3 -m pytest benchmarks --benchmark-only

@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The pictures of the documentation are small, shown on their pages, and drawn by their scripts.
 
-Those of the viewers are not drawn here: other tests look at the same pages in the browser.
+`make pictures` runs these tests. Pictures of the viewers are not drawn here: other tests look at
+the same pages in the browser.
 """
 
 import sys
