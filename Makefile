@@ -74,7 +74,7 @@ docs: build  ## Build the documentation site in build/docs/
 	    PYTHONPATH=$$libraries .venv-docs/bin/python -m pytest -q --noconftest -p no:cacheprovider test/built_site.py && \
 	    echo "The site is build/docs/index.html"
 
-pictures: build  ## Draw the pictures of the documentation and compare them with those in docs/images/
+pictures: build  ## Check that the scripts in docs/images/ draw the pictures of the documentation
 	@$(ENTER) python3 -m pytest -q test/drawn_pictures.py
 
 bench: build  ## Run the benchmarks
