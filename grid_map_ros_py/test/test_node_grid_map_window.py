@@ -179,6 +179,7 @@ def test_merged_maps_are_in_windows_and_kept_at_the_end(other_side: Peer, tmp_pa
                     lambda: counts.get("maps in") == str(number),  # noqa: B023
                     "the map to arrive",
                 )
+            assert counts["maps out"] == "2"
             other_side.publish("/odom", odometry(6.0, 0.3))
             assert_window(other_side.expect("/grid_map", 4), whole, (6.0, 0.3), 120)
             node.terminate()

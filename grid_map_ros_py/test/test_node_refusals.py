@@ -81,7 +81,7 @@ REFUSED = {
     "planar_regions": [
         ({"grid_map_topic": "a b"}, "'grid_map_topic': expected the name of a topic, got 'a b'"),
         ({"contour_extraction.marginSize": -1}, "contour_extraction: parameter 'marginSize': exp"),
-        ({"height_layer": 3}, "parameter 'height_layer': expected a string"),
+        ({"height_layer": "''"}, "parameter 'height_layer': expected the name of a layer, got"),
     ],
     "point_cloud_to_grid_map": [
         ({"pose_source": "gps"}, "'pose_source': expected one of 'auto', 'tf', 'od"),

@@ -212,6 +212,7 @@ def test_newest_of_many_messages_is_shown_at_the_rate(peer, tmp_path):
 
         step = lambda: peer.spin(0.02)  # noqa: E731
         wait_until(has_replaced, "replaced maps", step=step, timeout=PATIENCE)
+        assert values()["messages out"] == values()["messages shown"]
         last = next(seconds)
         peer.publish("/fast_map", to_message(slope(seconds=last)))
 

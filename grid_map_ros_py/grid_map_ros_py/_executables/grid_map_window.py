@@ -91,7 +91,7 @@ class GridMapWindowNode(ConfiguredNode):
             layer, frame_id = self._layers[0], self._whole.frame_id
             self._whole.write(GridMap.from_geometry(first, [layer], frame_id=frame_id))
             self._writer = LatestOnly(self._merge)
-            self._subscription = MapSubscription(self, write_topic, self._writer.put)
+            self._subscription = MapSubscription(self, write_topic, self._put)
         # Check more often than `rate`, because a pose may arrive just after a check.
         steady_timer(self, 0.25 * self._period, self._work)
         rows, columns = self._whole.size
@@ -142,6 +142,10 @@ class GridMapWindowNode(ConfiguredNode):
 
     # --- maps to merge ----------------------------------------------------------------------------
 
+    def _put(self, received: ReceivedMap) -> None:
+        self._writer.put(received)
+        self._health.defer()
+
     def _merge(self, received: ReceivedMap) -> None:
         """Merge a received map into the store; runs in the writer thread."""
         # Ignore layers that the store does not contain.
@@ -153,10 +157,11 @@ class GridMapWindowNode(ConfiguredNode):
     def _note_merged(self) -> None:
         for error in self._writer.outcomes() if self._writer else ():
             if error is None:
+                self._health.use()
                 self._has_new_cells = True
                 continue
             with dropping(self._log, f"did not merge a map of {self._subscription.topic_name}"):
-                self._health.drop_used(reason(error))
+                self._health.drop(reason(error))
                 raise error
 
     def destroy_node(self) -> None:

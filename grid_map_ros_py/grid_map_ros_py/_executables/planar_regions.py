@@ -14,6 +14,7 @@ from std_msgs.msg import Header
 from visualization_msgs.msg import MarkerArray
 
 from grid_map_core_py import GridMap
+from grid_map_core_py._parameters import mismatch
 from grid_map_core_py.errors import GridMapError, MissingPackageError, required
 from grid_map_core_py.planes import PlanarRegions, PlaneParameters, extract_planes
 from grid_map_core_py.planes._parameters import SECTIONS, UNUSED
@@ -37,6 +38,8 @@ class PlanarRegionsNode(ConfiguredNode):
         topic = self.read_topic("grid_map_topic", "/grid_map", "topic of grid maps")
         about = "layer of heights [m]; a layer `variance`, if present, sets their weights"
         self._layer = self.read("height_layer", "elevation", about)
+        if not self._layer:
+            raise mismatch("height_layer", "the name of a layer", "")
         sections: dict[str, Any] = {
             name: read_fields(self, cls, f"{name}.") for name, cls in SECTIONS.items()
         }

@@ -77,12 +77,12 @@ def to_point_cloud(
 def to_flat_point_cloud(grid_map: GridMap, height: float = 0.0) -> "PointCloud2":
     """Convert a map to a point cloud at a constant height [m], with all layers as fields.
 
-    x, y, z are the last fields. Cells where a basic layer is not finite are omitted.
+    x, y, z are the last fields. Cells where a basic layer is not finite are omitted. A layer named
+    `flat` is omitted, too, as in C++.
     """
     if not abs(height) <= float(np.finfo(np.float32).max):
         raise MessageError("height", "a finite number", height)
     flat = np.full(grid_map.size, height, dtype=np.float32, order="F")
-    # The flat layer is the last one and replaces any layer of the same name.
     others = [name for name in grid_map.layers if name != FLAT_LAYER]
     return to_point_cloud(
         grid_map.with_layers({FLAT_LAYER: flat}), FLAT_LAYER, [*others, FLAT_LAYER]

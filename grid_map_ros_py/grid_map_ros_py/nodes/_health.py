@@ -81,11 +81,6 @@ class Health:
         self.dropped += 1
         self._last_was_dropped, self.last_error = True, why
 
-    def drop_used(self, why: str) -> None:
-        """Count the last used input as dropped instead."""
-        self.used -= 1
-        self.drop(why)
-
     def offer(self, node: Node) -> None:
         """Create the publisher on `/diagnostics`."""
         self._publisher = node.create_publisher(DiagnosticArray, TOPIC, 10)

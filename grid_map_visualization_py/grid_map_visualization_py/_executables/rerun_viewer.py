@@ -101,10 +101,18 @@ class RerunViewerNode(ConfiguredNode):
         self._server.close()
         Node.destroy_node(self)
 
+    def _put(self, topic: str, kind: str, data: bytes) -> None:
+        self._live.put(topic, kind, data)
+        health_of(self).defer()
+
     def _write(self) -> None:
         health = health_of(self)
-        for refusal in self._live.write():
-            health.drop_used(refusal)
+        before = self._live.shown
+        refusals = self._live.write()
+        if self._live.shown > before:
+            health.use(self._live.shown - before)
+        for refusal in refusals:
+            health.drop(refusal)
             self._log.error(f"dropped a message of {refusal}")
         health.problem = self._live.problem
         if health.problem:
@@ -142,7 +150,7 @@ class RerunViewerNode(ConfiguredNode):
             self,
             message_type,
             topic,
-            partial(self._live.put, topic, kind),
+            partial(self._put, topic, kind),
             raw=True,
             hears_best_effort=True,
             depth=QUEUES.get(kind, 1),
