@@ -1,13 +1,11 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Temporary files and folders that are removed on exit, even if a signal ends the process."""
 
-import fcntl
-import os
 import shutil
 import tempfile
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from pathlib import Path
 
 _paths: set[Path] = set()
@@ -29,25 +27,8 @@ def unfinished(path: Path) -> Iterator[Path]:
 @contextmanager
 def scratch_folder() -> Iterator[Path]:
     """Yield a temporary folder that is removed on exit."""
-    # Remove the folders of killed processes.
-    for left in Path(tempfile.gettempdir()).glob("grid-map-scratch-????????"):
-        with suppress(OSError), _locked(left):
-            remove(left)
-    new = Path(tempfile.mkdtemp(prefix=".grid-map-scratch-"))
-    # The folder is locked before it gets the name that other processes look for.
-    with _locked(new), unfinished(new.with_name(new.name[1:])) as folder:
-        yield new.rename(folder)
-
-
-@contextmanager
-def _locked(folder: Path) -> Iterator[None]:
-    """Lock a folder, or raise `OSError` if another process has locked it."""
-    number = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
-    try:
-        fcntl.flock(number, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        yield
-    finally:
-        os.close(number)
+    with unfinished(Path(tempfile.mkdtemp(prefix="grid-map-scratch-"))) as folder:
+        yield folder
 
 
 def remove(path: Path) -> None:

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import assume, given, strategies as st
 
 import golden
-from grid_map_core_py import GeometryError, GridMap, LimitError, OutOfMapError
+from grid_map_core_py import GeometryError, GridMap, OutOfMapError
 from grid_map_core_py.regions import (
     Polygon,
     cells_to_mask,
@@ -247,27 +247,8 @@ def test_polygon_cells_have_their_center_inside(grid_map, corners):
             for corner in corners
         ]
     )
-    cells, outside = polygon_cells(grid_map, polygon, count_outside=True)
-    assert pairs(cells) == pairs(polygon_cells(grid_map, polygon))
+    cells = polygon_cells(grid_map, polygon)
     assert pairs(cells) == cells_by_hand(grid_map, polygon.is_inside)
-    # The grid, continued beyond all vertices.
-    axes = (grid_map.geometry._x, grid_map.geometry._y)
-    x, y = (axis.centers(-2 * axis.size - 15, 3 * axis.size + 15) for axis in axes)
-    centers = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
-    assert len(cells[0]) + outside == np.count_nonzero(polygon.is_inside(centers))
-
-
-def test_footprint_beyond_the_map_counts_cells_outside():
-    grid_map = moved_in_buffer(GridMap((1.0, 0.5), 0.1), (3, 2))
-    square = 0.2 * np.array([(1, 1), (-1, 1), (-1, -1), (1, -1)])
-    counts = {(0.0, 0.0): (16, 0), (0.5, 0.0): (8, 8), (0.5, 0.3): (2, 14), (9.0, 0.0): (0, 16)}
-    for center, (inside, outside) in counts.items():
-        cells, number = polygon_cells(
-            grid_map, square + (0.001, 0.001) + center, count_outside=True
-        )
-        assert (len(cells[0]), number) == (inside, outside)
-    with pytest.raises(LimitError, match="polygon: expected at most 16000000 cells, got"):
-        polygon_cells(grid_map, 1e300 * square, count_outside=True)
 
 
 # Properties of all shapes

@@ -16,7 +16,6 @@ from command_line import PROGRAM, SECOND, a_map
 
 from grid_map_core_py import GridMap, __version__
 from grid_map_core_py._commands import _main
-from grid_map_core_py._unfinished import scratch_folder
 from grid_map_core_py.files import load_npz, save_npz
 from grid_map_core_py.testing import assert_maps_equal
 
@@ -318,16 +317,6 @@ def test_signal_ends_it_without_traceback_or_temporary_files(number, tmp_path):
         _, error = process.communicate(timeout=30)
     assert (process.returncode, error) == (-number, b"")
     assert not [*tmp_path.iterdir()]
-
-
-def test_next_run_removes_the_folders_of_killed_runs(tmp_path, monkeypatch):
-    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
-    (tmp_path / "grid-map-scratch-pictures-of-mine").mkdir()
-    with scratch_folder() as used:
-        (used.with_name("grid-map-scratch-killed_1") / "inner").mkdir(parents=True)
-        with scratch_folder() as other:
-            others = {*tmp_path.iterdir()} - {used, other}
-    assert {*tmp_path.iterdir()} == others == {tmp_path / "grid-map-scratch-pictures-of-mine"}
 
 
 @pytest.mark.parametrize(("prefix", "numbers"), [([], "2 15 1"), (["nohup"], "2 15")])

@@ -18,7 +18,7 @@ from grid_map_core_py import (
     color_vector_to_value,
 )
 from grid_map_core_py._arrays._checks import as_points
-from grid_map_core_py.conversions import _point_loops, from_points, rasterize
+from grid_map_core_py.conversions import from_points, rasterize
 from grid_map_core_py.conversions._point_layers import fitting_geometry
 from grid_map_core_py.testing import assert_maps_equal, grid_maps
 
@@ -357,23 +357,3 @@ def test_invalid_arguments_are_refused(options, error, message):
         rasterize([[0, 0, 0]], GRID, **options)
     assert (GRID["elevation"] == 1).all()
     assert GRID.layers == ("elevation",)
-
-
-@pytest.mark.needs("numba")
-@pytest.mark.parametrize("dtype", [np.float32, np.float64])
-@pytest.mark.parametrize("reduction", ORACLES)
-def test_compiled_loops_agree_with_numpy(reduction, dtype, monkeypatch):
-    rng = np.random.default_rng(8)
-    cloud = rng.normal(0.0, 2.0, (40_000, 4)).astype(dtype)
-    cloud[:30_000] = np.round(cloud[:30_000], 1)  # on borders of cells and of the map
-    cloud[::50, rng.integers(0, 3, 800)] = np.nan
-    cloud[30_000:30_200, :2] = 0.75  # many points in one cell
-    grid_map = GridMap((5.0, 3.0), 0.1, (0.3, -0.2))
-    made = []
-    for handled in (0, _point_loops._MANY):
-        monkeypatch.setattr(_point_loops, "_handled", handled)
-        fields = {"field": cloud[:, 3]}
-        options = {"fields": fields, "field_reductions": {"field": reduction}, "min_height": -1.1}
-        made.append(rasterize(cloud, grid_map, {"z": reduction}, **options))
-    for layer in ("z", "field"):
-        np.testing.assert_allclose(made[1][layer], made[0][layer], rtol=1e-6, atol=1e-12)

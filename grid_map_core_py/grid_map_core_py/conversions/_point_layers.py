@@ -29,7 +29,6 @@ from ..map._axis import BORDER_TOLERANCE
 from ..map._geometry import GridGeometry
 from ..map._grid_map import GridMap
 from ..plugins import check
-from ._point_loops import find_cells, ready
 from ._point_reductions import COLOR_REDUCTIONS, REDUCTIONS, Reduction
 
 HIGHEST: Mapping[str, str] = MappingProxyType({"elevation": "max"})
@@ -250,23 +249,12 @@ def _located(
     points: NDArray[Any], geometry: GridGeometry, limits: tuple[float, float]
 ) -> tuple[Integers, Mask]:
     """Return the flat cells (n,) of the points to use, and a mask (N,) of these points."""
-    find = ready(find_cells, len(points))
-    # For comparisons, NumPy rounds the limits to the data type of the heights.
-    rounded = points.dtype.type(limits).tolist()
-    half, center = (0.5 * geometry.length).tolist(), geometry.position.tolist()
-    frame = *rounded, *half, *center, -geometry.resolution
     found, counted = [np.empty(0, np.int64)], np.empty(len(points), np.bool_)
     for part in slices(len(points), PIECE):
         piece, here = points[part], counted[part]
-        if find is None:
-            (rows, columns), inside = geometry.cells_at(piece[:, :2])
-            here[:] = inside & _counted(piece, limits)
-            found.append((rows + geometry.size[0] * columns)[here])
-        else:
-            xyz = np.ascontiguousarray(piece[:, :3].T)
-            cells = np.empty(len(piece), np.int64)
-            find(xyz, len(piece), frame, geometry.size, cells, here.view(np.uint8))
-            found.append(cells[: np.count_nonzero(here)])
+        (rows, columns), inside = geometry.cells_at(piece[:, :2])
+        here[:] = inside & _counted(piece, limits)
+        found.append((rows + geometry.size[0] * columns)[here])
     return np.concatenate(found), counted
 
 

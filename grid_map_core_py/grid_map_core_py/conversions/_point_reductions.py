@@ -14,7 +14,6 @@ import numpy.typing as npt
 
 from .._arrays._checks import Integers
 from ._packed_colors import color_value_to_bytes, join_channels
-from ._point_loops import find_medians, ready
 
 _Flat: TypeAlias = npt.NDArray[np.float32]
 _Values: TypeAlias = npt.NDArray[Any]
@@ -59,9 +58,6 @@ def _variance(cells: Integers, values: _Values, size: int) -> _Flat:
 def _median(cells: Integers, values: _Values, size: int) -> _Flat:
     values = np.ascontiguousarray(values, np.float32)
     layer, numbers = np.full(size, np.nan, np.float32), np.bincount(cells, minlength=size)
-    if find := ready(find_medians):
-        find(cells, values, np.cumsum(numbers) - numbers, np.empty_like(values), layer)
-        return layer
     # The upper half of a 64-bit key is the cell, and the lower half is the value. Sorting the keys
     # is more than ten times as fast as `np.lexsort`.
     bits = values.view(np.uint32)

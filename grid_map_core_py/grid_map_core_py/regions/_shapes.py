@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import math
 import warnings
-from typing import Literal, overload
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -23,7 +22,6 @@ from .._arrays._checks import (
 )
 from .._arrays._pieces import slices
 from ..errors import GeometryError, OutOfMapError, short
-from ..limits import check_cells
 from ..map._axis import BORDER_TOLERANCE
 from ..map._geometry import GridGeometry
 from ..map._grid_map import GridMap
@@ -157,34 +155,12 @@ def ellipse_cells(
     return _cells_of_mask(grid_map, rows, columns, mask)
 
 
-@overload
-def polygon_cells(
-    grid_map: GridMap, polygon: Polygon | ArrayLike, *, count_outside: Literal[False] = ...
-) -> Cells: ...
-@overload
-def polygon_cells(
-    grid_map: GridMap, polygon: Polygon | ArrayLike, *, count_outside: Literal[True]
-) -> tuple[Cells, int]: ...
-
-
-def polygon_cells(
-    grid_map: GridMap, polygon: Polygon | ArrayLike, *, count_outside: bool = False
-) -> Cells | tuple[Cells, int]:
+def polygon_cells(grid_map: GridMap, polygon: Polygon | ArrayLike) -> Cells:
     """Return the cells (rows, cols) whose centers are inside a polygon, row by row.
 
     Args:
         polygon: a `Polygon`, or (V, 2) vertices [m]. `Polygon.is_inside` defines which centers are
             inside. For fewer than three vertices, the function warns and returns no cells.
-        count_outside: whether to also count the cells of the polygon beyond the map, on a grid that
-            continues there. Footprint checks need this number, because such cells are unknown, not
-            free.
-
-    Returns:
-        The cells. If `count_outside` is True, a tuple of the cells and the number of cells beyond
-        the map.
-
-    Raises:
-        LimitError: `count_outside` is True, and the polygon spans more cells than a map may have.
     """
     polygon = Polygon.of(polygon)
     if len(polygon) < 3:
@@ -192,7 +168,7 @@ def polygon_cells(
             f"polygon: expected at least 3 vertices [m], got {len(polygon)}, without a cell inside"
         )
         warnings.warn(f"{text}. Use line_cells or Polygon.thicken_line for a line", stacklevel=2)
-        return (empty_cells(0), 0) if count_outside else empty_cells(0)
+        return empty_cells(0)
     rows, columns = grid_map.geometry.box(*polygon._ends)
     x, y = grid_map.geometry.negated_axes
     x, y = x[rows], y[columns]
@@ -202,10 +178,7 @@ def polygon_cells(
     np.add.at(flips.reshape(-1), first_below * y.size + crossed, _FLIP)
     np.add.accumulate(flips, axis=0, dtype=np.uint8, out=flips)
     flips &= _FLIP
-    cells = _cells_of_mask(grid_map, rows, columns, flips[:-1].view(np.bool_))
-    if count_outside:
-        return cells, _count_cells(grid_map.geometry, polygon) - cells[0].size
-    return cells
+    return _cells_of_mask(grid_map, rows, columns, flips[:-1].view(np.bool_))
 
 
 def _crossings(polygon: Polygon, x: Positions, y: Positions) -> tuple[Integers, Integers]:
@@ -226,20 +199,6 @@ def _crossings(polygon: Polygon, x: Positions, y: Positions) -> tuple[Integers, 
     counts, crossed = _runs(np.minimum(before, after), np.maximum(before, after))
     start, end = vertices[:, 1:].repeat(counts, axis=1), vertices[:, :-1].repeat(counts, axis=1)
     return x.searchsorted(edge_x(start, end, y.take(crossed)), side="right"), crossed
-
-
-def _count_cells(geometry: GridGeometry, polygon: Polygon) -> int:
-    """Count the cells inside a polygon, on a grid that continues beyond the map."""
-    spans = []
-    for axis, low, high in zip((geometry._x, geometry._y), *polygon._ends, strict=True):
-        spans.append((axis, axis.steps(high) - 1.0, axis.steps(low) + 2.0))
-    rows, columns = (stop - first for _, first, stop in spans)
-    check_cells("polygon", (rows, columns))
-    x, y = (-axis.centers(math.floor(first), math.ceil(stop)) for axis, first, stop in spans)
-    first_below, crossed = _crossings(polygon, x, y)
-    # In each column, the cells from crossing 1 to 2, from 3 to 4 and so on are inside.
-    ends = first_below[np.lexsort((first_below, crossed))]
-    return int((ends[1::2] - ends[::2]).sum())
 
 
 def line_cells(grid_map: GridMap, start: ArrayLike, end: ArrayLike) -> Cells:

@@ -6,10 +6,9 @@ parallel. Neither the parts nor the results depend on the number of threads.
 """
 
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import FIRST_EXCEPTION, ThreadPoolExecutor, wait
 from contextlib import contextmanager
 from contextvars import ContextVar, copy_context
-from threading import Event, Lock
 from typing import TypeVar
 
 import numpy as np
@@ -48,37 +47,27 @@ def side_by_side(function: Callable[[T], object], parts: Iterable[T]) -> None:
     Args:
         function: called with one part per call. Several threads call it at once, in no particular
             order.
-        parts: arguments of the calls. An iterator is advanced by only one thread at a time.
+        parts: arguments of the calls.
 
     Raises:
         Exception: a call failed; no further calls are started.
     """
-    helpers = thread_count() - 1
-    if helpers == 0:
+    if thread_count() == 1:
         for part in parts:
             function(part)
         return
-    rest, taking, ended, settings = iter(parts), Lock(), Event(), np.geterr()
+    settings = np.geterr()
 
-    def work() -> None:
-        try:
-            # Nested calls within a part use no further threads.
-            with use_threads(1), np.errstate(**settings):
-                while not ended.is_set():
-                    with taking:
-                        try:
-                            part = next(rest)
-                        except StopIteration:
-                            return
-                    function(part)
-        finally:
-            ended.set()
+    def work(part: T) -> None:
+        # Nested calls within a part use no further threads.
+        with use_threads(1), np.errstate(**settings):
+            function(part)
 
-    with ThreadPoolExecutor(helpers) as pool:
+    with ThreadPoolExecutor(thread_count()) as pool:
+        calls = [pool.submit(copy_context().run, work, part) for part in parts]
         try:
-            working = [pool.submit(copy_context().run, work) for _ in range(helpers)]
-            work()
+            wait(calls, return_when=FIRST_EXCEPTION)
         finally:
-            ended.set()
-    for helper in working:
-        helper.result()
+            pool.shutdown(cancel_futures=True)
+    for call in calls:
+        call.result()
