@@ -6,21 +6,13 @@ OpenCV resizes the layers. The node publishes `grid_map` with a star in the laye
 
 import math
 
-import cv2
-
 from grid_map_core_py import GridMap
 from grid_map_core_py.conversions import change_resolution
 
 from .demo import Demo
 from .parts import star_map
 
-INTERPOLATIONS = {
-    "nearest": cv2.INTER_NEAREST,
-    "linear": cv2.INTER_LINEAR,
-    "cubic": cv2.INTER_CUBIC,
-    "area": cv2.INTER_AREA,
-    "lanczos": cv2.INTER_LANCZOS4,
-}
+INTERPOLATIONS = "nearest", "linear", "cubic", "area", "lanczos"
 
 
 def resolution_at(seconds: float) -> float:
@@ -34,9 +26,8 @@ class ResolutionChangeDemoNode(Demo):
     def __init__(self) -> None:
         super().__init__("resolution_change_demo")
         transparent = self.read("use_transparency", False, "cells around the star have no value")
-        about = "interpolation method: nearest, linear, cubic, area, lanczos"
-        name = self.read_choice("interpolation", INTERPOLATIONS, "cubic", about)
-        self._interpolation = INTERPOLATIONS[name]
+        about = f"interpolation method: {', '.join(INTERPOLATIONS)}"
+        self._interpolation = self.read_choice("interpolation", INTERPOLATIONS, "cubic", about)
         self._map = star_map("elevation", 0.03, has_ground=not transparent)
         self.publish_maps(10.0)
 

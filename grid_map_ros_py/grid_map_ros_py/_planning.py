@@ -2,7 +2,6 @@
 """Settings of the `path_planner` node, and checks of plans on one map."""
 
 import math
-from ast import literal_eval
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Literal
@@ -12,8 +11,8 @@ import numpy as np
 from grid_map_core_py import GridMap
 from grid_map_core_py._arrays._checks import Mask, Positions
 from grid_map_core_py._parameters import mismatch
-from grid_map_core_py.errors import GeometryError
 from grid_map_core_py.planning import Footprint, SlopeLimits, TravelGraph
+from grid_map_core_py.planning._footprint import parsed_footprint
 from grid_map_core_py.plugins import check
 
 
@@ -75,13 +74,9 @@ class PlannerSettings:
     @cached_property
     def body(self) -> Footprint | None:
         """The footprint of the robot; None if it is a point."""
-        if not self.footprint:
-            return Footprint.circle(self.robot_radius) if self.robot_radius else None
-        try:
-            return Footprint(literal_eval(self.footprint))
-        except (GeometryError, SyntaxError, TypeError, ValueError) as error:
-            expected = "corners [x, y] [m] of a polygon, [[x, y], ...]"
-            raise mismatch("footprint", expected, self.footprint) from error
+        if self.footprint:
+            return parsed_footprint(self.footprint)
+        return Footprint.circle(self.robot_radius) if self.robot_radius else None
 
 
 class Planner:

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+from ast import literal_eval
 from collections.abc import Callable, Iterator
 from typing import Any, Literal
 
@@ -13,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from .._arrays._checks import Integers, Positions, as_finite
 from .._arrays._pieces import slices
+from .._parameters import mismatch
 from ..errors import GeometryError, short
 from ..limits import check_cells
 from ..map._axis import BORDER_TOLERANCE
@@ -96,6 +98,15 @@ class Footprint:
 
     def __repr__(self) -> str:
         return f"Footprint({self.points.tolist()})"
+
+
+def parsed_footprint(corners: Any) -> Footprint:
+    """Return the footprint of a parameter `footprint`: a list of corners, or its text."""
+    try:
+        return Footprint(literal_eval(corners) if isinstance(corners, str) else corners)
+    except (GeometryError, SyntaxError, TypeError, ValueError) as error:
+        expected = "corners [x, y] [m] in order along an outline that does not cross itself"
+        raise mismatch("footprint", expected, corners) from error
 
 
 def touched_cells(

@@ -2,17 +2,16 @@
 """`gridMapFilters/FootprintFilter`"""
 
 import math
-from ast import literal_eval
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 
 from grid_map_core_py import GridMap, planning
 from grid_map_core_py._arrays import Layer
-from grid_map_core_py._parameters import mismatch
-from grid_map_core_py.errors import ConfigError, GeometryError
+from grid_map_core_py.errors import ConfigError
+from grid_map_core_py.planning._footprint import parsed_footprint
 from grid_map_core_py.plugins import check
 
 from ..parts._layer_filter import LayerFilter
@@ -58,17 +57,10 @@ class Footprint(LayerFilter):
 
     @cached_property
     def _outline(self) -> planning.Footprint:
-        corners: Any = self.footprint
-        try:
-            if self.radius is not None:
-                return planning.Footprint.circle(self.radius)
-            corners = literal_eval(corners) if isinstance(corners, str) else corners
-            return planning.Footprint(corners)
-        except (GeometryError, SyntaxError, ValueError) as error:
-            if self.radius is not None:
-                raise mismatch("radius", "a length > 0 [m]", self.radius) from error
-            expected = "corners [x, y] [m] in order along an outline that does not cross itself"
-            raise mismatch("footprint", expected, self.footprint) from error
+        if self.radius is None:
+            return parsed_footprint(self.footprint)
+        check(0.0 < self.radius < math.inf, "radius", "a length > 0 [m]", self.radius)
+        return planning.Footprint.circle(self.radius)
 
     def _filter(self, layer: Layer, resolution: float) -> Layer:
         block = GridMap.from_array(layer, resolution, layer="values")

@@ -2,17 +2,16 @@
 """`gridMapFilters/InflationFilter`"""
 
 import math
-from ast import literal_eval
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 import cv2
 import numpy as np
 
 from grid_map_core_py._arrays import Layer
 from grid_map_core_py.conversions._costmap import INSCRIBED, LETHAL
-from grid_map_core_py.errors import ConfigError, GeometryError
+from grid_map_core_py.errors import ConfigError
+from grid_map_core_py.planning._footprint import parsed_footprint
 from grid_map_core_py.plugins import check
 from grid_map_core_py.regions import Polygon
 
@@ -70,14 +69,9 @@ class Inflation(LayerFilter):
     def _inscribed_radius(self) -> float:
         if self.inscribed_radius is not None:
             return self.inscribed_radius
-        expected = "corners [x, y] [m] of a polygon around the origin (0, 0)"
-        corners: Any = self.footprint
-        try:
-            polygon = Polygon(literal_eval(corners) if isinstance(corners, str) else corners)
-        except (GeometryError, SyntaxError, ValueError):
-            polygon = Polygon([])
-        check(bool(polygon.is_inside((0.0, 0.0))), "footprint", expected, self.footprint)
-        start = polygon.vertices
+        start = parsed_footprint(self.footprint).points
+        has_origin = bool(Polygon(start).is_inside((0.0, 0.0)))
+        check(has_origin, "footprint", "an outline around the origin (0, 0)", self.footprint)
         along = np.roll(start, -1, axis=0) - start
         with np.errstate(invalid="ignore"):
             share = -(start * along).sum(axis=1) / (along**2).sum(axis=1)
