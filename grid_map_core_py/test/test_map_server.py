@@ -166,7 +166,7 @@ def test_a_wrong_key_is_named(tmp_path, key):
     value, message = WRONG[key]
     path = write(tmp_path, np.zeros((2, 2), np.uint8))
     path.write_text(yaml.safe_dump(SETTINGS | {key: value}))
-    with pytest.raises(GridMapError, match="map.yaml: cannot be read: parameter " + message):
+    with pytest.raises(GridMapError, match="map.yaml: parameter " + message):
         load_map_server(path)
 
 

@@ -19,7 +19,7 @@ from ..conversions._packed_colors import color_vector_to_value
 from ..conversions._point_layers import COLOR_FIELDS, as_colors, from_points
 from ..errors import GridMapError
 from ..map._grid_map import GridMap
-from ._shared import naming, package_for, storage_errors
+from ._shared import package_for, storage_errors
 
 Fields: TypeAlias = dict[str, npt.NDArray[Any]]
 """Maps field names to point values (N,)."""
@@ -147,7 +147,7 @@ def load_cloud(
             f"{path}: is a mesh; reduction, min_height, max_height and tight are for points, "
             "and kind 'points' takes the vertices of a mesh"
         )
-    with naming(path):
+    with storage_errors(path, "read"):
         if mesh is not None:
             grid_map = from_mesh(*mesh, resolution, height_layer, frame_id=frame_id)
         else:

@@ -24,7 +24,7 @@ from ..conversions._image_arrays import Image, from_image, to_image
 from ..errors import GridMapError, LayerNotFoundError
 from ..limits import check_cells
 from ..map._grid_map import GridMap
-from ._shared import naming, new_file, say_crs_is_lost, storage_errors
+from ._shared import new_file, say_crs_is_lost, storage_errors
 
 HEIGHT_ENDINGS = (".png", ".tif", ".tiff")
 """File extensions of height images that `save_height_image` writes."""
@@ -78,7 +78,7 @@ def load_height_image(
             f"{path}: lower and upper: expected none, got {lower} and {upper}; "
             "an image of floats holds the heights themselves"
         )
-    with naming(path):
+    with storage_errors(path, "read"):
         grid_map = from_image(
             from_north_up(pixels),
             *(height_layer, resolution, lower, upper),

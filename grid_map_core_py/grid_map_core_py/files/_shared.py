@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike
 from .. import errors
 from .._arrays._checks import select_layers
 from .._unfinished import remove, unfinished
-from ..errors import GridMapError, LayerNotFoundError, LimitError, MissingPackageError
+from ..errors import GridMapError, LayerNotFoundError, MissingPackageError
 from ..limits import check_cells
 from ..map._grid_map import GridMap
 
@@ -39,19 +39,19 @@ def check_ending(path: str | PathLike[str], *own: str) -> None:
 
 
 @contextmanager
-def storage_errors(file: Path, doing: str) -> Iterator[None]:
-    """Convert errors that occur when a file is read or written to `GridMapError`."""
+def storage_errors(file: str | PathLike[str], doing: str) -> Iterator[None]:
+    """Convert exceptions to `GridMapError` with the path; `doing` is "read" or "written"."""
     try:
         yield
     except (LayerNotFoundError, MissingPackageError):
         raise
-    except LimitError as error:
+    except GridMapError as error:
         if str(file) not in str(error):
             error.args = (f"{file}: {error}",)
         raise
     except OSError as error:
         reason = error.strerror or error.__cause__ or error
-        raise GridMapError(f"{file}: cannot be {doing}: {reason}{similar(file)}") from error
+        raise GridMapError(f"{file}: cannot be {doing}: {reason}{similar(Path(file))}") from error
     # Libraries raise errors of many classes if a file is damaged.
     except Exception as error:
         text = f"{error} is missing" if isinstance(error, KeyError) else str(error).strip()
@@ -65,16 +65,6 @@ def similar(file: Path) -> str:
     # Names that have only the ending in common are not similar.
     names = (one.name for one in known if errors.hint(one.stem, [file.stem]))
     return errors.hint(file.name, names)
-
-
-@contextmanager
-def naming(path: str | PathLike[str]) -> Iterator[None]:
-    """Prefix error messages with the path of a file."""
-    try:
-        yield
-    except GridMapError as error:
-        error.args = (f"{path}: {error}",)
-        raise
 
 
 def package_for(path: str | PathLike[str], kind: str, name: str) -> Any:

@@ -26,9 +26,10 @@ from ..errors import (
     short,
     wrong_crs,
 )
+from ..files._shared import storage_errors
 from ..map._geometry import GridGeometry
 from ..map._grid_map import GridMap
-from ._source import TILE, TiledData, Window, data_errors, shape
+from ._source import TILE, TiledData, Window, shape
 
 if TYPE_CHECKING:
     import xarray
@@ -267,7 +268,7 @@ class DatasetSource:
         """Do nothing, because windows share no data."""
 
     def read(self, window: Window, names: Sequence[str]) -> list[Layer]:
-        with data_errors(f"{self.name}/{names[0]}" if len(names) == 1 else self.name, "read"):
+        with storage_errors(f"{self.name}/{names[0]}" if len(names) == 1 else self.name, "read"):
             # Without layers, the dataset has no dimensions.
             rows, columns = (self.dataset.sizes.get(each, 0) for each in DIMENSIONS)
             stored = mirrored(window, (rows, columns), self.ascends)

@@ -2,15 +2,12 @@
 """Layer sources that are read window by window, and window functions."""
 
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from os import PathLike, fspath
 from typing import Any, Protocol, TypeAlias, TypeVar
 
 import numpy as np
 
 from .._arrays._checks import Layer, Positions, Size
-from ..errors import GridMapError, LayerNotFoundError, MissingPackageError
 from ..map._geometry import GridGeometry
 
 Window: TypeAlias = tuple[slice, slice]
@@ -163,20 +160,3 @@ def common(one: Window, other: Window) -> Window:
 def shape(window: Window) -> Size:
     """Return the number of rows and columns of a window."""
     return window[0].stop - window[0].start, window[1].stop - window[1].start
-
-
-@contextmanager
-def data_errors(path: str | PathLike[str], doing: str) -> Iterator[None]:
-    """Convert exceptions to a `GridMapError` that names `path`; `doing` is "read" or "written"."""
-    try:
-        yield
-    except (LayerNotFoundError, MissingPackageError):
-        raise
-    except GridMapError as error:
-        if fspath(path) not in str(error):
-            error.args = (f"{path}: {error}",)
-        raise
-    # Zarr and its codecs raise exceptions of many types.
-    except Exception as error:
-        reason = getattr(error, "strerror", None) or str(error).strip() or type(error).__name__
-        raise GridMapError(f"{path}: cannot be {doing}: {reason.splitlines()[0]}") from error

@@ -27,10 +27,10 @@ import numpy as np
 from .._arrays._checks import is_name
 from .._unfinished import notes
 from ..errors import GridMapError, required, short
-from ..files._shared import check_ending, new_folder, replace_folder
+from ..files._shared import check_ending, new_folder, replace_folder, storage_errors
 from ._datasets import CRS_VARIABLE, DIMENSIONS, attributes, coordinates, grid_mapping
 from ._engine import in_any_order
-from ._source import Progress, TiledData, data_errors
+from ._source import Progress, TiledData
 
 VERSION_KEY = "grid_map_version"
 VERSION = 1
@@ -45,7 +45,7 @@ _NEAR = 4  # side of the squares of neighboring tiles that are computed one afte
 def create_store(path: str | PathLike[str], tiled_map: TiledData, names: Sequence[str]) -> Path:
     target = check_local(path)
     check_ending(target, ".zarr")
-    with data_errors(target, "written"), new_folder(target, _refuse) as folder:
+    with storage_errors(target, "written"), new_folder(target, _refuse) as folder:
         create_layers(folder, tiled_map, names)
     return target
 
@@ -66,7 +66,7 @@ def to_zarr(
     target = check_local(path)
     check_ending(target, ".zarr")
     part = target.with_name(f"{target.name}.part")
-    with data_errors(target, "written"):
+    with storage_errors(target, "written"):
         if target.exists():
             if not overwrite:
                 raise GridMapError("already exists; 'overwrite' replaces it")
@@ -154,7 +154,7 @@ class _Write:
             place = ", ".join(f"{part.start}:{part.stop}" for part in window)
             raise GridMapError(f"cells [{place}]: {error}") from error
         for name, layer in zip(self.names, layers, strict=True):
-            with data_errors(Path(self.store, name), "written"):
+            with storage_errors(Path(self.store, name), "written"):
                 self._arrays[name][window] = layer
 
     @cached_property

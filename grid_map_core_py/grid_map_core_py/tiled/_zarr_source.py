@@ -12,11 +12,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from .._arrays._checks import Layer, Size, select_layers
 from ..errors import GeometryError, GridMapError, OutOfMapError, required, short
+from ..files._shared import storage_errors
 from ..limits import check_cells
 from ..map._grid_map import GridMap
 from ..map._merge import check_frames, lines_under
 from ._datasets import DIMENSIONS, geometry_of, layers_of, mirrored, open_dataset
-from ._source import TILE, TiledData, Tiles, Window, common, data_errors, within
+from ._source import TILE, TiledData, Tiles, Window, common, within
 from ._zarr_files import (
     VERSION,
     VERSION_KEY,
@@ -80,7 +81,7 @@ def _stamp(name: str) -> object:
     """Return a cache key that changes when the store is replaced."""
     if not is_local(name):
         return None
-    with data_errors(name, "read"):
+    with storage_errors(name, "read"):
         files = [metadata_file(Path(name)), Path(name, ".zmetadata"), Path(name, ".zattrs")]
         found = [file.stat() for file in files if file.exists()]
         return tuple((about.st_ino, about.st_mtime_ns) for about in found)
@@ -88,7 +89,7 @@ def _stamp(name: str) -> object:
 
 @lru_cache(maxsize=_OPENED)
 def _open(name: str, stamp: object) -> "tuple[xarray.Dataset, TiledData]":  # noqa: ARG001
-    with data_errors(name, "read"):
+    with storage_errors(name, "read"):
         xarray = required("xarray", f"{name}: a Zarr store")
         required("zarr", f"{name}: a Zarr store")
         # With None, xarray would warn if a local store has no consolidated metadata.
@@ -137,9 +138,9 @@ def merge(
     if position is not None:
         grid_map = grid_map._with({**grid_map}, grid_map.geometry.at(position))
     window, lines = _under(tiled_map, grid_map)
-    with data_errors(path, "written"), locked(path):
+    with storage_errors(path, "written"), locked(path):
         for name in names:
-            with data_errors(path / name, "written"):
+            with storage_errors(path / name, "written"):
                 _merge_layer(source, name, window, lines, grid_map[name])
 
 
