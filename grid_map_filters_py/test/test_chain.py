@@ -418,11 +418,6 @@ def test_chain_and_filter_refuse_what_is_not_a_map():
         FilterChain([slope])
 
 
-def test_misspelled_filter_is_answered_with_a_similar_one():
-    with pytest.raises(ConfigError, match=r"unknown type 'slope'; did you mean Slope\?$"):
-        _ = FILTERS["slope"]
-
-
 def test_misspelled_parameter_of_a_class_gets_a_suggestion():
     layers = {"input_layer": "elevation", "output_layer": "slope"}
     with pytest.raises(ConfigError, match=r"unknown parameter 'radus'; .*did you mean radius\?$"):

@@ -13,8 +13,6 @@ from grid_map_filters_py import FilterConfigError
 
 # --- ColorBlending --------------------------------------------------------------------------------
 
-each_mode = pytest.mark.parametrize("mode", ["normal", "hard_light", "soft_light"])
-
 
 def blend(below, above, **params):
     grid_map = terrain(below.shape, below=below, above=above)
@@ -22,7 +20,7 @@ def blend(below, above, **params):
     return run("ColorBlending", grid_map, **layers, **params)["out"]
 
 
-@each_mode
+@pytest.mark.parametrize("mode", ["normal", "hard_light", "soft_light"])
 @given(opacity=st.floats(0, 1), seed=st.integers(0, 1000))
 @settings(max_examples=20)
 def test_blend_modes_equal_a_loop_over_cells(mode, opacity, seed):
@@ -32,14 +30,6 @@ def test_blend_modes_equal_a_loop_over_cells(mode, opacity, seed):
     for cell in np.ndindex(result.shape):
         channels = oracles.blend(below[cell], above[cell], mode, opacity)
         assert_bytes_near(result[cell], channels)
-
-
-@each_mode
-def test_cells_with_one_color_keep_it(mode):
-    red, blue = color_vector_to_value([[1.0, 0, 0], [0, 0, 1.0]])
-    below, above = np.array([[red, np.nan, np.nan]]), np.array([[np.nan, blue, np.nan]])
-    result = blend(below, above, blend_mode=mode, opacity=0.3)
-    np.testing.assert_array_equal(result, [[red, blue, np.nan]])
 
 
 def test_default_mode_is_normal_and_opacity_is_checked():
@@ -122,10 +112,3 @@ def test_light_is_brightest_at_normal_incidence():
     for direction in ([0, 0, 0], [1, 2], [0, 0, np.inf]):
         with pytest.raises(FilterConfigError, match="'light_direction': expected three finite"):
             run("LightIntensity", grid_map, light_direction=direction, **NORMALS)
-
-
-def test_axes_become_red_green_and_blue():
-    grid_map = terrain((3, 1), n_x=[[1], [0], [np.nan]], n_y=[[-1], [0], [0]], n_z=[[0], [1], [0]])
-    color = run("NormalColorMap", grid_map, **NORMALS)["color"][:, 0]
-    assert [oracles.to_bytes(one) for one in color[:2]] == [(255, 0, 127), (127, 127, 255)]
-    assert np.isnan(color[2])

@@ -169,15 +169,6 @@ def test_huge_value_affects_only_its_own_windows(edge_handling):
 
 
 @pytest.mark.parametrize("edge_handling", EDGES)
-@pytest.mark.parametrize("fill", [np.nan, np.inf])
-def test_a_map_without_finite_values_gives_nan_and_counts_zero(edge_handling, fill):
-    layer = np.full((4, 5), fill, np.float32)
-    assert np.isnan(Expression("meanOfFinites(e)").over_windows("e", layer, 3, edge_handling)).all()
-    counts = Expression("numberOfFinites(e)").over_windows("e", layer, 3, edge_handling)
-    assert (counts[1:-1, 1:-1] == 0).all()
-
-
-@pytest.mark.parametrize("edge_handling", EDGES)
 def test_a_map_of_one_cell_has_windows(edge_handling):
     cell = np.full((1, 1), 2.5, np.float32)
     mean = Expression("meanOfFinites(e)").over_windows

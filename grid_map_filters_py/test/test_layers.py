@@ -3,7 +3,7 @@
 
 import numpy as np
 import pytest
-from filter_cases import run, terrain
+from filter_cases import filtered, run, terrain
 
 from grid_map_core_py.testing import assert_maps_equal
 from grid_map_filters_py import FilterConfigError, FilterError, FilterWarning
@@ -100,20 +100,15 @@ def test_number_fills_layer_and_wrong_shape_is_refused():
         run("MathExpression", grid_map, expression="transpose(a)", output_layer="out")
 
 
-def over_windows(grid_map, expression, **params):
-    params |= {"input_layer": "a", "output_layer": "out", "edge_handling": "crop"}
-    return run("SlidingWindowMathExpression", grid_map, expression=expression, **params)["out"]
-
-
 @pytest.mark.parametrize(
     ("length", "cells"), [(0.05, 1), (0.3, 3), (0.16, 3), (0.24, 3), (0.25, 3), (0.36, 5)]
 )
 def test_window_length_is_rounded_to_an_odd_number(length, cells):
-    counts = over_windows(terrain((11, 9), a=1.0), "numberOfFinites(a)", window_length=length)
+    counts = filtered(
+        "SlidingWindowMathExpression",
+        terrain((11, 9), elevation=1.0),
+        expression="numberOfFinites(elevation)",
+        window_length=length,
+        edge_handling="crop",
+    )
     assert counts[5, 4] == cells**2
-
-
-def test_empty_cells_stay_empty_on_request():
-    grid_map = terrain((3, 3), a=[[1, 1, 1], [1, np.nan, 1], [1, 1, 1]])
-    assert over_windows(grid_map, "sumOfFinites(a)", compute_empty_cells=True)[1, 1] == 8
-    assert np.isnan(over_windows(grid_map, "sumOfFinites(a)", compute_empty_cells=False)[1, 1])

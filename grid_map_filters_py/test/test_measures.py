@@ -13,7 +13,6 @@ from filter_cases import (
     TO_OUT,
     assert_cells_are,
     filtered,
-    ground,
     points_in_disc,
     run,
     terrain,
@@ -69,16 +68,6 @@ def test_curvature_is_minus_the_second_differences(grid_map):
     np.testing.assert_allclose(filtered("Curvature", grid_map), expected, atol=slack)
 
 
-def test_a_hilltop_has_positive_curvature_and_a_plane_has_none():
-    grid_map = terrain((9, 300))
-    x, y = grid_map.axes()
-    grid_map["hill"] = -(x[:, None] ** 2) - y[None, :] ** 2
-    grid_map["plane"] = 1000 + 0.5 * x[:, None] + 0.25 * y[None, :]
-    for name, expected in (("hill", 4.0), ("plane", 0.0)):
-        result = filtered("Curvature", grid_map, input_layer=name)
-        np.testing.assert_allclose(result[1:-1, 1:-1], expected, atol=0.1)
-
-
 # --- Roughness ------------------------------------------------------------------------------------
 
 roughness = partial(filtered, "Roughness")
@@ -101,18 +90,6 @@ def test_roughness_is_the_deviation_from_the_plane(grid_map, cells):
         expected = points[:, 2].std(ddof=1) if flat else np.sqrt(max(values[0], 0.0))
         spread = np.sqrt(values[2])
         assert result[index] == pytest.approx(expected, rel=1e-4, abs=1e-5 * spread + 1e-7)
-
-
-def test_slopes_are_smooth_and_noise_is_rough():
-    grid_map = terrain((40, 40))
-    noise = np.random.default_rng(1).normal(scale=0.02, size=(40, 40))
-    plane = np.tile(0.5 * grid_map.axes()[0][:, None], 40)
-    grid_map["elevation"] = 1000 + plane
-    assert np.nanmax(roughness(grid_map, radius=0.3)) < 1e-4
-    grid_map["elevation"] = plane + noise
-    # The distance to an inclined plane is smaller than the difference in height.
-    expected = 0.02 * np.cos(np.arctan(0.5))
-    assert np.median(roughness(grid_map, radius=0.5)) == pytest.approx(expected, rel=0.05)
 
 
 # --- Slope ----------------------------------------------------------------------------------------
@@ -185,17 +162,6 @@ def test_second_window_weighs_steps_by_number_of_cells(grid_map, first, second, 
     assert_cells_are(result, weighed, rtol=1e-6)
 
 
-def test_spikes_are_no_steps_but_curbs_are():
-    spike, curb = np.zeros((11, 11)), np.zeros((11, 11))
-    spike[5, 5] = curb[5:] = 0.2
-    params = {"radius": 0.1, "second_window_radius": 0.1, "critical_value": 0.15}
-    # Five discs contain the spike; in every column, the discs of two cells contain the curb.
-    for heights, number, expected in [(spike, 10, 0.1), (spike, 5, 0.2), (curb, 4, 0.2)]:
-        result = step_height(ground(heights), critical_cell_number=number, **params)
-        assert result.max() == pytest.approx(expected)
-        assert result[0, 0] == 0
-
-
 # --- Traversability -------------------------------------------------------------------------------
 
 
@@ -233,19 +199,3 @@ def test_traversability_is_between_0_and_1(terms):
     scores = [min(1.0, max(0.0, 1.0 - v / c)) for v, c in zip(values, critical, strict=True)]
     assert 0 <= result <= 1
     assert result == pytest.approx(np.average(scores, weights=weights), abs=1e-6)
-
-
-def test_measures_separate_flat_ground_curb_and_steep_slope():
-    grid_map = terrain((60, 20))
-    x = np.tile(grid_map.axes()[0][:, None], 20)
-    # From +x to -x: flat, a ramp of 45 degrees, flat, and a curb of 0.3 m.
-    grid_map["elevation"] = np.clip(1.0 - x, 0.0, 1.0) - 0.3 * (x < -1.5)
-    terms = {"Slope": 0.6, "StepHeight": 0.2, "Roughness": 0.1}
-    measures = [filtered(type_name, grid_map, radius=0.2) for type_name in terms]
-    result = traversability(measures, [*terms.values()])
-    on_flat, on_ramp, at_curb = (
-        result[grid_map.get_index((place, 0.0))] for place in (2.0, 0.5, -1.5)
-    )
-    assert on_flat == pytest.approx(1.0)
-    assert on_ramp == pytest.approx(1 / 3, abs=1e-5)  # Steep, with steps, not rough.
-    assert at_curb < 0.5

@@ -40,20 +40,6 @@ def test_every_map_is_filtered_and_timed():
         assert_maps_equal(result.grid_map, CHAIN(grid_map))
 
 
-def test_maps_are_read_on_demand():
-    asked = []
-
-    def source():
-        for height in (1.0, 2.0, 3.0):
-            asked.append(height)
-            yield a_map(height)
-
-    results = filter_maps(CHAIN, source())
-    assert asked == []
-    assert heights([next(results), next(results)]) == [2.0, 4.0]
-    assert asked == [1.0, 2.0]
-
-
 def test_maps_are_freed_before_the_next_one():
     maps: list[weakref.ref[GridMap]] = []
     failures: list[Failure] = []

@@ -75,13 +75,6 @@ def test_built_in_filters_have_three_spellings(type_name):
     assert listed == [type_name]
 
 
-def test_short_names_of_built_in_filters_are_taken(tmp_path):
-    install(tmp_path, "Threshold = lift_filters:Lift")
-    result = run_python(tmp_path, USE)
-    assert result.returncode == 1
-    assert "the type 'Threshold' is registered twice: as lift_filters:Lift" in result.stderr
-
-
 MODULES = [
     module.name
     for module in pkgutil.walk_packages(grid_map_filters_py.__path__, "grid_map_filters_py.")

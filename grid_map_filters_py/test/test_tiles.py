@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Chains on tiled maps: the numbers of the whole map, window by window."""
+"""Chains on tiled maps and lazy datasets: the numbers of the whole map, window by window."""
 
 import pickle
 import warnings
@@ -13,12 +13,7 @@ from hypothesis import given, settings, strategies as st
 
 from grid_map_core_py import GridMap
 from grid_map_core_py.tiled import open_map
-from grid_map_filters_py import (
-    FilterChain,
-    FilterError,
-    FilterWarning,
-    Step,
-)
+from grid_map_filters_py import FilterChain, FilterError, FilterWarning, Step
 from grid_map_filters_py._config import StepConfig
 from grid_map_filters_py.parts._holes import FindHoles, find_holes, merged
 
@@ -373,11 +368,9 @@ LIMITS = st.fixed_dictionaries(
 @settings(max_examples=15)
 def test_holes_wider_than_tiles_are_filled_without_a_seam(limits, share, side, seed):
     grid_map = ground(heights_with_holes((120, 90), share, seed, longest=50))
-    found, expected = both_ways(inpaint(**limits).steps, grid_map, side)
-    assert_same_but_rounding(found["out"], expected["out"])
-
-
-def assert_same_but_rounding(found, expected):
+    found, expected = (
+        result["out"] for result in both_ways(inpaint(**limits).steps, grid_map, side)
+    )
     slack = 1e-6 * (np.nanmax(expected) - np.nanmin(expected))
     np.testing.assert_allclose(found, expected, rtol=0, atol=slack)
 
@@ -402,6 +395,27 @@ def test_long_holes_are_left_as_they_are_in_all_tiles(side):
     np.testing.assert_array_equal(found, expected)
 
 
+# --- datasets of xarray ---------------------------------------------------------------------------
+
+
+def test_chain_on_a_lazy_dataset_equals_that_on_the_map():
+    grid_map = with_hole(slice(10, 14), slice(20, 23), size=(60, 47))
+    normals = {"output_layers_prefix": "normal_", "normal_vector_positive_axis": "z"}
+    chain = chain_of(
+        (INPAINT, {"input_layer": "elevation", "output_layer": "filled", "radius": 0.2}),
+        ("NormalVectors", {"input_layer": "filled", "radius": 0.2} | normals),
+        ("Slope", {"input_layers_prefix": "normal_", "output_layer": "slope"}),
+    )
+    dataset = grid_map.to_xarray()
+    at_once = dataset.grid_map.filter(chain)
+    assert at_once.grid_map.to_map() == chain(grid_map)
+    later = dataset.chunk(x=17, y=13).grid_map.filter(chain, max_hole=12)
+    assert later["slope"].chunks == ((17, 17, 17, 9), (13, 13, 13, 8))
+    found = later.compute()
+    for name in at_once:
+        np.testing.assert_allclose(found[name], at_once[name], atol=1e-5, err_msg=name)
+
+
 # --- warnings -------------------------------------------------------------------------------------
 
 
@@ -419,25 +433,3 @@ def test_layer_without_values_is_one_warning():
     with pytest.warns(FilterWarning, match="no finite cell") as caught:
         in_tiles(site)
     assert len(caught) == 1
-
-
-# --- several processes ----------------------------------------------------------------------------
-
-
-@pytest.mark.needs("distributed")
-def test_two_processes_give_the_numbers_of_the_whole_map():
-    from distributed import Client, LocalCluster
-
-    grid_map = ground(heights_with_holes((120, 100), 0.05, 2, longest=30))
-    chain = chain_of(
-        (INPAINT, {"input_layer": "elevation", "output_layer": "filled", "radius": 0.2}),
-        ("Erosion", {"input_layer": "filled", "output_layer": "low", "radius": 0.3}),
-        math("(filled - low) ./ max(filled - low)"),
-    )
-    site = tiled(grid_map, 32).filter(chain, max_hole=60)
-    cluster = LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None)
-    with cluster, Client(cluster):
-        tiles = site.over_tiles(lambda tile: tile)
-    whole = chain(grid_map)
-    for tile, window in zip(tiles, site.tiles, strict=True):
-        assert_same_bits(tile, whole.get_block(*window).copy())
