@@ -134,7 +134,11 @@ def load_octomap(
     with storage_errors(Path(path), "read"):
         octomap = _read(Path(path), frame_id)
         select_layers([height_layer], layers)
-        return from_octomap(octomap, height_layer, resolution, **bounds)
+        try:
+            return from_octomap(octomap, height_layer, resolution, **bounds)
+        except MessageError as error:
+            error.field = f"{path}: {error.field}"
+            raise
 
 
 def _read(path: Path, frame_id: str) -> Any:
