@@ -157,8 +157,7 @@ class Oracle:
         return found
 
     def stale(self, now):
-        since = {place: now - cell.time for place, cell in self.cells.items()}
-        return {place for place, time in since.items() if time >= self.scanning_duration}
+        return {p for p, cell in self.cells.items() if now - cell.time >= self.scanning_duration}
 
     def freed(self, beams, sensor, tops, stale, confirmed):
         crossed, proofs = set(), {}

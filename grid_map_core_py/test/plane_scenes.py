@@ -6,11 +6,10 @@ import numpy as np
 from grid_map_core_py import GridMap
 
 RESOLUTION = 0.04
-NOISE = 0.005
 
 
-def sampled(surface, size, seed, *, share=6, outliers=0.0, noise=NOISE):
-    """Return a map of a surface and the heights without noise.
+def sampled(surface, size, seed, *, share=6, outliers=0.0):
+    """Return a map of a surface with noise of 5 mm, and the heights without it.
 
     Args:
         surface: function of x and y [m] that returns heights [m].
@@ -25,7 +24,7 @@ def sampled(surface, size, seed, *, share=6, outliers=0.0, noise=NOISE):
     heights = np.broadcast_to(surface(x[:, None], y[None]), (x.size, y.size))
     heights = heights.reshape(size[0], share, size[1], share).mean(axis=(1, 3))
     random = np.random.default_rng(seed)
-    measured = heights + noise * random.standard_normal(size)
+    measured = heights + 0.005 * random.standard_normal(size)
     wrong = random.random(size) < outliers
     measured[wrong] += random.uniform(-0.5, 0.5, wrong.sum())
     grid_map["elevation"] = measured
@@ -50,10 +49,8 @@ class Stones:
         self.heights = random.uniform(-0.1, 0.1, (9, 5))
 
     def __call__(self, x, y):
-        (row, u), (column, v) = (
-            np.divmod(x - self.corner[0], 0.48),
-            np.divmod(y - self.corner[1], 0.48),
-        )
+        row, u = np.divmod(x - self.corner[0], 0.48)
+        column, v = np.divmod(y - self.corner[1], 0.48)
         on = (abs(u - 0.24) < 0.16) & (abs(v - 0.24) < 0.16)
         on &= (row >= 0) & (row < 9) & (column >= 0) & (column < 5)
         row, column = np.clip(row, 0, 8).astype(int), np.clip(column, 0, 4).astype(int)
@@ -70,14 +67,14 @@ class Rubble:
 
     def __init__(self, seed, side=4.0, count=20):
         random = np.random.default_rng(seed)
-        self.boxes = zip(
+        boxes = zip(
             random.uniform(-side / 2, side / 2, (count, 2)),
             random.uniform(0.15, 0.4, (count, 2)),
             random.uniform(0, np.pi, count),
             random.uniform(0.05, 0.4, count),
             strict=True,
         )
-        self.boxes = list(self.boxes)
+        self.boxes = list(boxes)
 
     def __call__(self, x, y):
         return self.sampled(x, y)[0]

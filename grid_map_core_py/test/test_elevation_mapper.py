@@ -6,6 +6,7 @@ import math
 import numpy as np
 import pytest
 from elevation_oracle import Oracle
+from scipy.spatial.transform import Rotation
 
 from grid_map_core_py import GridGeometry
 from grid_map_core_py.elevation import (
@@ -68,17 +69,10 @@ SENSORS = {
 }
 
 
-def rotation(roll, pitch, yaw):
-    (cr, sr), (cp, sp), (cy, sy) = ((math.cos(a), math.sin(a)) for a in (roll, pitch, yaw))
-    about_x = np.array([[1, 0, 0], [0, cr, -sr], [0, sr, cr]])
-    about_y = np.array([[cp, 0, sp], [0, 1, 0], [-sp, 0, cp]])
-    about_z = np.array([[cy, -sy, 0], [sy, cy, 0], [0, 0, 1]])
-    return about_z @ about_y @ about_x
-
-
 def pose(x=0.0, y=0.0, z=1.5, roll=0.0, pitch=0.0, yaw=0.0):
     matrix = np.eye(4)
-    matrix[:3, :3], matrix[:3, 3] = rotation(roll, pitch, yaw), (x, y, z)
+    matrix[:3, :3] = Rotation.from_euler("xyz", [roll, pitch, yaw]).as_matrix()
+    matrix[:3, 3] = x, y, z
     return matrix
 
 

@@ -175,11 +175,9 @@ def test_poles_beside_mapped_ground_rise(count):
 
     def flat():
         around = [(*c, 0.0) + random.uniform((-0.05,) * 3, 0.05, (100, 3)) for c in centers]
-        return np.vstack(around) * (1, 1, 0) + random.normal(0, 0.005, (len(centers) * 100, 1)) * (
-            0,
-            0,
-            1,
-        )
+        points = np.vstack(around)
+        points[:, 2] = random.normal(0.0, 0.005, len(points))
+        return points
 
     def poles():
         parts = []
@@ -205,10 +203,9 @@ def test_pit_opens_in_known_ground():
         # Beams reach the floor of the pit behind its near edge.
         x, y, _ = points.T
         inside = (x > 0.8) & (x < 1.8) & (np.abs(y) < 0.5)
-        floor = points[inside] * (1, 1, 0) + random.normal(0, 0.005, (inside.sum(), 1)) * (0, 0, 1)
-        floor[:, 2] -= 0.4
-        share = (0.8 - 0.0) / floor[:, 0]
-        seen = 1.0 + share * (floor[:, 2] - 1.0) > 0.0
+        floor = points[inside]
+        floor[:, 2] = random.normal(-0.4, 0.005, len(floor))
+        seen = 1.0 + 0.8 / floor[:, 0] * (floor[:, 2] - 1.0) > 0.0
         return np.vstack((points[~inside], floor[seen]))
 
     for _ in range(15):

@@ -2,7 +2,6 @@
 """Values between cell centers."""
 
 import math
-from functools import cache
 
 import numpy as np
 import pytest
@@ -16,7 +15,6 @@ from grid_map_core_py.testing import grid_maps
 
 NEAREST, LINEAR, CUBIC_CONVOLUTION, CUBIC = Interpolation
 METHODS = list(Interpolation)
-COMPUTED = [LINEAR, CUBIC_CONVOLUTION, CUBIC]
 CASES = golden.cases("interpolation")
 by_map = golden.by_map("interpolation")
 by_method = pytest.mark.parametrize("method", METHODS, ids=lambda method: method.value)
@@ -132,11 +130,6 @@ def same(actual, expected, rtol):
 # The numbers of the C++ library
 
 
-@cache
-def golden_map(name: str) -> GridMap:
-    return golden.to_map(golden.load("interpolation")["maps"][name])
-
-
 COMPARED = {NEAREST: 2793, LINEAR: 524, CUBIC_CONVOLUTION: 776, CUBIC: 971}
 
 
@@ -153,7 +146,8 @@ def test_values_and_stages_equal_cpp_where_it_is_right(method):
     """
     compared = 0
     for name, case in CASES:
-        grid_map, layer, results = golden_map(name), case["layer"], case[method.value]
+        grid_map, layer = golden.map_of("interpolation", name), case["layer"]
+        results = case[method.value]
         oracle = Oracle(grid_map, layer)
         for position, value, stage in zip(
             case["position"], results["value"], results["method_used"], strict=True
@@ -169,7 +163,7 @@ def test_values_and_stages_equal_cpp_where_it_is_right(method):
 @by_method
 def test_all_golden_positions_inside_have_the_values_of_the_definitions(name, case, method):
     """Includes positions where C++ is wrong; the numbers of C++ are not used there."""
-    grid_map, layer = golden_map(name), case["layer"]
+    grid_map, layer = golden.map_of("interpolation", name), case["layer"]
     oracle = Oracle(grid_map, layer)
     inside = [position for position in case["position"] if grid_map.is_inside(position)]
     assert len(inside) >= 270
@@ -181,7 +175,7 @@ def test_all_golden_positions_inside_have_the_values_of_the_definitions(name, ca
 @by_map
 def test_golden_positions_outside_are_refused_by_every_method(name, case):
     """In C++ only the nearest value is; the other methods go on for half a cell beyond the map."""
-    grid_map = golden_map(name)
+    grid_map = golden.map_of("interpolation", name)
     outside = [value == "out_of_range" for value in case["nearest"]["value"]]
     assert sum(outside) >= 415
     np.testing.assert_array_equal(grid_map.is_inside(case["position"]), np.logical_not(outside))
@@ -241,62 +235,6 @@ def test_exactly_the_positions_on_the_map_have_values(size, resolution, center, 
 # Examples
 
 
-def line(values: list[float], axis: int = 0) -> GridMap:
-    """A map of one column (or one row) of cells of 1 m, the first one at 0 m."""
-    size = (len(values), 1) if axis == 0 else (1, len(values))
-    position = np.zeros(2)
-    position[axis] = -0.5 * (len(values) - 1)
-    return GridMap(size, 1.0, position, {"a": np.reshape(values, size)})
-
-
-def along(axis: int, coordinate: float) -> tuple[float, float]:
-    return (coordinate, 0.0) if axis == 0 else (0.0, coordinate)
-
-
-@pytest.mark.parametrize("axis", [0, 1])
-@pytest.mark.parametrize(
-    ("method", "coordinate", "expected"),
-    [
-        (NEAREST, -2.49, 8.0),
-        (NEAREST, -2.51, 16.0),
-        (LINEAR, -2.25, 10.0),
-        (LINEAR, 0.25, 1.0),
-        # Halfway between cells Keys gives -1/16, 9/16, 9/16, -1/16.
-        (CUBIC_CONVOLUTION, -2.5, (-4.0 + 9 * 8.0 + 9 * 16.0 - 32.0) / 16),
-        (CUBIC, -2.5, (-4.0 + 9 * 8.0 + 9 * 16.0 - 32.0) / 16),
-        (CUBIC, -0.5, (-1.0 + 9 * 1.0 + 9 * 4.0 - 8.0) / 16),
-        # A quarter of a cell beyond the last center Keys repeats the cell, while the Hermite
-        # polynomial has the last slope, half the last difference, at both of its ends.
-        (CUBIC_CONVOLUTION, 0.25, 1.0 - 9 / 128 * 3.0),
-        (CUBIC, 0.25, 1.0 - 1.5 * (9 / 64 - 3 / 64)),
-        (CUBIC, -4.25, 32.0 + 8.0 * (9 / 64 - 3 / 64)),
-    ],
-)
-def test_values_along_a_line_equal_computation_by_hand(axis, method, coordinate, expected):
-    grid_map = line([1.0, 4.0, 8.0, 16.0, 32.0], axis)
-    found = grid_map.at_position("a", along(axis, coordinate), method)
-    assert found == pytest.approx(expected, rel=1e-12)
-
-
-@pytest.mark.parametrize("missing", [np.nan, np.inf, -np.inf])
-@pytest.mark.parametrize(
-    ("method", "coordinate", "expected"),
-    [
-        (CUBIC_CONVOLUTION, -2.25, 10.0),
-        (CUBIC, -2.25, 10.0),
-        (LINEAR, -1.25, 4.0),
-        (CUBIC, -1.25, 4.0),
-        # The missing cell has weight 0 here, but the method still requires it.
-        (CUBIC_CONVOLUTION, -2.0, 8.0),
-        (LINEAR, -1.0, 4.0),
-    ],
-)
-def test_simpler_method_is_used_at_cells_not_finite(missing, method, coordinate, expected):
-    holed = {-2.25: [1.0, missing, 8.0, 16.0, 32.0], -2.0: [1.0, missing, 8.0, 16.0, 32.0]}
-    grid_map = line(holed.get(coordinate, [missing, 4.0, missing, 16.0, 32.0]))
-    assert grid_map.at_position("a", (coordinate, 0.0), method) == expected
-
-
 def bumpy(cells: int = 30) -> GridMap:
     layer = np.random.default_rng(2).normal(size=(cells, cells + 1))
     return GridMap((cells, cells + 1), 1.0, layers={"a": layer})
@@ -314,20 +252,15 @@ def test_values_do_not_depend_on_the_number_of_positions(method):
 @by_method
 def test_one_position_gives_float_and_many_give_float64_array(method):
     grid_map = bumpy()
-    assert type(grid_map.at_position("a", (0.2, 0.3), method)) is float
+    one = grid_map.at_position("a", (0.2, 0.3), method)
+    assert type(one) is float
+    assert grid_map.at_position("a", (0.2, 0.3), method.value) == one
+    if method is NEAREST:
+        assert grid_map.at_position("a", (0.2, 0.3)) == one
     for positions in ([(0.2, 0.3)], np.zeros((3, 2), int), np.zeros((0, 2))):
         values = grid_map.at_position("a", positions, method)
         assert values.dtype == np.float64
         assert values.shape == (len(positions),)
-
-
-def test_a_method_may_be_named():
-    grid_map = bumpy()
-    for method in METHODS:
-        assert grid_map.at_position("a", (1.2, 3.4), method.value) == grid_map.at_position(
-            "a", (1.2, 3.4), method
-        )
-    assert grid_map.at_position("a", (1.2, 3.4)) == grid_map["a"][grid_map.get_index((1.2, 3.4))]
 
 
 @by_method

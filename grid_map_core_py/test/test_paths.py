@@ -178,23 +178,6 @@ def test_planes_are_nearly_euclidean(neighbors, excess, degrees):
         assert path.heights[[0, -1]] == pytest.approx([slope * start[0], slope * goal[0]], abs=1e-5)
 
 
-def test_a_detour_is_taken_from_the_documented_weight_on():
-    costs = np.full((31, 42), np.nan)
-    costs[15, :] = 252.0  # straight
-    costs[0, :] = costs[:16, 0] = costs[:16, -1] = 0.0  # around
-    costs[15, [0, -1]] = 0.0
-    grid_map = a_map(costs)
-    start, goal = center(grid_map, 15, 0), center(grid_map, 15, 41)
-    straight, around = (
-        TravelGraph(grid_map, cost="cost", cost_weight=weight).path(start, goal).length
-        for weight in (0.0, 100.0)
-    )
-    threshold = around / straight - 1.0
-    for factor, length in (0.97, straight), (1.03, around):
-        graph = TravelGraph(grid_map, cost="cost", cost_weight=factor * threshold)
-        assert graph.path(start, goal).length == pytest.approx(length)
-
-
 def ramp_path(cross, *, upwards):
     """Return a path over a ramp of 30 degrees between two flat parts; rows go down the ramp."""
     profile = np.clip(0.1 * (40 - np.arange(60)), 0.0, 2.0) * math.tan(math.radians(30))
@@ -221,24 +204,6 @@ def test_a_steep_ramp_is_climbed_by_switchbacks(cross):
     across = np.abs(np.diff(up.positions[:, 1]) / run) * math.tan(math.radians(30))
     on_ramp = (up.heights[1:] > 0.1) & (up.heights[:-1] < 1.05)
     assert np.arctan(across[on_ramp]).max() <= math.radians(cross + 0.01)
-
-
-def test_a_diagonal_wall_is_not_crossed():
-    grid_map = a_map(np.where(np.eye(9) > 0, 254.0, 0.0), start_index=(4, 7))
-    graph = TravelGraph(grid_map, cost="cost", lethal=253)
-    with pytest.raises(NoPathError, match="only from 36 of 72 free cells"):
-        graph.path(center(grid_map, 0, 8), center(grid_map, 8, 0))
-
-
-@pytest.mark.parametrize(
-    "options", [{"cost": "stones"}, {"elevation": "stones", "limits": SlopeLimits(0.1, 0.1, 0.1)}]
-)
-def test_stepping_stones_of_one_cell_are_found(options):
-    stones = np.full((7, 9), np.nan)
-    stones[[3, 3, 3, 4, 5, 5, 5, 5], [0, 1, 2, 2, 2, 3, 4, 5]] = 0.0
-    grid_map = a_map(np.zeros((7, 9)), stones=stones)
-    path = TravelGraph(grid_map, **options).path(center(grid_map, 3, 0), center(grid_map, 5, 5))
-    assert path.length == pytest.approx(7.0)
 
 
 @settings(max_examples=60)

@@ -172,9 +172,7 @@ def moved_terrain(surface, center, seed):
     position = np.asarray(center) * RESOLUTION
     shifted = lambda x, y: surface(x + position[0], y + position[1])  # noqa: E731
     grid_map, _ = sampled(shifted, (60, 50), seed, share=1)
-    result = GridMap.from_array(np.zeros(grid_map.size), RESOLUTION, position)
-    result["elevation"] = grid_map["elevation"]
-    return result
+    return GridMap.from_array(grid_map["elevation"], RESOLUTION, position)
 
 
 @pytest.mark.parametrize("seed", range(3))

@@ -7,6 +7,7 @@ import yaml
 from hypothesis import given, strategies as st
 from hypothesis.extra import numpy as arrays
 from memory import peak_of
+from scipy.spatial.transform import Rotation
 
 from grid_map_core_py import ConfigError, GeometryError, GridMapError
 from grid_map_core_py.conversions import PointCloudPipeline, downsample, remove_outliers
@@ -166,21 +167,11 @@ def test_a_lone_point_and_equal_points_are_no_outliers():
 
 
 def test_rotation_is_about_x_then_new_y_then_new_z():
-    roll, pitch, yaw = 0.3, -0.5, 1.1
-
-    def rotation(axis, angle):
-        matrix, (one, other) = np.eye(3), [n for n in range(3) if n != axis]
-        matrix[one, one] = matrix[other, other] = np.cos(angle)
-        sign = -1 if axis == 1 else 1
-        matrix[one, other], matrix[other, one] = -sign * np.sin(angle), sign * np.sin(angle)
-        return matrix
-
-    pipeline = pipeline_of(
-        cloud_transform={"translation": (1, 2, 3), "rotation": (roll, pitch, yaw)}
-    )
+    angles = (0.3, -0.5, 1.1)
+    pipeline = pipeline_of(cloud_transform={"translation": (1, 2, 3), "rotation": angles})
     points = np.random.default_rng(1).normal(size=(5, 3))
-    turn = rotation(0, roll) @ rotation(1, pitch) @ rotation(2, yaw)
-    expected = [turn @ point + (1, 2, 3) for point in points]
+    x, y, z = map(Rotation.from_rotvec, np.diag(angles))
+    expected = (x * y * z).apply(points) + (1, 2, 3)
     np.testing.assert_allclose(pipeline.prepared(points), expected, atol=1e-12)
 
 

@@ -29,13 +29,6 @@ def hills_field(**options):
     return SignedDistanceField(hills(**options), "elevation", -0.5, 0.5)
 
 
-def step():
-    """Ground at 0 for negative x, at 1 for positive x."""
-    grid_map = GridMap((1.2, 0.3), 0.1, frame_id="map")
-    grid_map["elevation"] = np.where(grid_map.axes()[0] > 0, 1.0, 0.0)[:, None] * np.ones((1, 3))
-    return grid_map
-
-
 def flat(size=(4, 3), height=0.25):
     return GridMap(np.multiply(size, 0.1), 0.1, layers={"elevation": height})
 
@@ -135,7 +128,9 @@ def test_large_heights_keep_precision():
 
 
 def test_on_top_of_its_column_a_node_has_distance_zero():
-    field = SignedDistanceField(step(), "elevation", 0.0, 2.0)
+    step = GridMap((1.2, 0.3), 0.1)
+    step["elevation"] = np.repeat(step.axes()[0][:, None] > 0, 3, axis=1)
+    field = SignedDistanceField(step, "elevation", 0.0, 2.0)
     tops = field.value([(-0.35, 0, 0.0), (0.35, 0, 1.0)])
     np.testing.assert_array_equal(tops, [0.0, 0.0])
     assert not np.signbit(field.distances[field.distances == 0]).any()
@@ -329,9 +324,7 @@ def test_without_a_surface_every_distance_is_infinite(height, distance):
 
 @pytest.mark.parametrize(
     ("low", "high", "levels"),
-    [
-        *((0.0, 0.3, 4), (0.0, 0.31, 5), (-0.5, 0.1, 7), (0.3, 0.3, 2), (0, 1, 11)),
-    ],
+    [(0.0, 0.3, 4), (0.0, 0.31, 5), (-0.5, 0.1, 7), (0.3, 0.3, 2), (0, 1, 11)],
 )
 def test_levels_are_one_resolution_apart_and_cover_the_heights(low, high, levels):
     field = SignedDistanceField(flat(), "elevation", low, high)
