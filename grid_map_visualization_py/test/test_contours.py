@@ -104,11 +104,8 @@ def test_interpolated_values_on_a_contour_equal_its_level(grid_map):
         assert np.nanmin(near) <= level <= np.nanmax(near)
 
 
-@pytest.mark.parametrize(
-    ("size", "value"), [((1, 1), 1.0), ((1, 6), 1.0), ((6, 1), 1.0), ((4, 3), np.nan)]
-)
-def test_map_of_one_row_or_without_values_has_no_lines(size, value):
-    assert drawn(GridMap(size, 1.0, layers={"elevation": value})).points == []
+def test_map_without_values_has_no_lines():
+    assert drawn(GridMap((4, 3), 1.0, layers={"elevation": np.nan})).points == []
 
 
 def test_far_too_small_interval_is_an_error():

@@ -4,8 +4,7 @@
 import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
-from messages import colors_of, drawn, fields_of, points_of
-from visualization_msgs.msg import Marker
+from messages import drawn, fields_of, points_of
 
 from grid_map_core_py import GridMap, map_cells
 from grid_map_core_py.testing import grid_maps
@@ -36,17 +35,6 @@ def test_basic_layers_do_not_matter_for_vectors():
     grid_map = GridMap((2, 1), 1.0, layers=dict.fromkeys(LAYERS, 1.0) | {"color": np.nan})
     grid_map.basic_layers = ["color"]
     assert len(drawn("vectors", grid_map, **VECTORS).points) == 4
-
-
-def test_marker_has_frame_time_width_and_opaque_colors():
-    layers = dict.fromkeys(LAYERS, 1.0)
-    grid_map = GridMap((1, 1), 1.0, layers=layers, frame_id="odom", timestamp=3_000_000_007)
-    marker = drawn("vectors", grid_map, line_width=0.25, color=0xFF8000, **VECTORS)
-    assert (marker.header.frame_id, marker.ns) == ("odom", "vector")
-    assert (marker.header.stamp.sec, marker.header.stamp.nanosec) == (3, 7)
-    assert (marker.type, marker.action) == (Marker.LINE_LIST, Marker.ADD)
-    assert (marker.scale.x, marker.pose.orientation.w) == (0.25, 1.0)
-    np.testing.assert_allclose(colors_of(marker), [(1.0, 128 / 255, 0.0, 1.0)] * 2)
 
 
 @settings(max_examples=60)
