@@ -177,8 +177,8 @@ def decoded(png: bytes) -> np.ndarray:
     return cv2.imdecode(np.frombuffer(png, np.uint8), cv2.IMREAD_COLOR)[..., ::-1]
 
 
-def share(picture: np.ndarray, color: tuple[int, int, int]) -> float:
-    return float((np.abs(picture.astype(int) - color) <= 3).all(axis=-1).mean())
+def share(picture: np.ndarray, color: tuple[int, int, int], tolerance: int = 3) -> float:
+    return float((np.abs(picture.astype(int) - color) <= tolerance).all(axis=-1).mean())
 
 
 def differs(picture: np.ndarray, other: np.ndarray) -> bool:
