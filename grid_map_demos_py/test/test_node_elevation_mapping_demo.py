@@ -71,14 +71,6 @@ def test_camera_sees_a_person_cross_the_way(course):
     assert np.isnan(course.terrain_at(4.0)["person"]).all()
 
 
-def test_both_sensors_see_the_ground(course):
-    for seconds in (0.0, 20.0, 40.0):
-        for mount, beams, noise in SENSORS.values():
-            pose = course.pose_at(seconds) @ mount
-            points = scan(course.terrain_at(seconds), beams, pose, sensor=noise, max_range=20.0)
-            assert np.isfinite(points[:, 0]).mean() > 0.2
-
-
 def test_configuration_knows_where_the_sensors_are():
     text = (PACKAGE / "config" / "elevation_mapping_demo_mapping.yaml").read_text()
     sources = yaml.safe_load(text)["elevation_mapping"]["ros__parameters"]["input_sources"]

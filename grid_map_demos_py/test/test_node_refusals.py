@@ -27,31 +27,14 @@ REFUSED: dict[str, list[tuple[str | tuple[str, ...], str]]] = {
         ("speed:=0.0", "parameter 'speed': expected a positive"),
         ("file:=/nope.npz", "/nope.npz: cannot be read: No such file"),
     ],
-    "elevation_mapping_report": [
-        ("duration:=.nan", "parameter 'duration': expected a positive"),
-        ("output_directory:=/proc/none", "/proc/none: cannot be made a folder"),
-    ],
+    "elevation_mapping_report": [("duration:=.nan", "parameter 'duration': expected a positive")],
     "large_map_robot": [("speed:=0.0", "parameter 'speed': expected a positive")],
-    "large_map_report": [
-        ("duration:=.nan", "parameter 'duration': expected a positive"),
-        ("output_directory:=/proc/none", "/proc/none: cannot be made a folder"),
-    ],
-    "path_planner_robot": [
-        ("speed:=0.0", "parameter 'speed': expected a positive"),
-        ("file:=/nope.npz", "/nope.npz: cannot be read: No such file"),
-    ],
-    "path_planner_report": [
-        ("timeout:=0.0", "parameter 'timeout': expected a positive"),
-        ("output_directory:=/proc/none", "/proc/none: cannot be made a folder"),
-    ],
+    "large_map_report": [("duration:=.nan", "parameter 'duration': expected a positive")],
+    "path_planner_robot": [("file:=/nope.npz", "/nope.npz: cannot be read: No such file")],
+    "path_planner_report": [("timeout:=0.0", "parameter 'timeout': expected a positive")],
     "planar_regions_robot": [("rate:=0.0", "parameter 'rate': expected a positive")],
-    "planar_regions_report": [
-        ("timeout:=0.0", "parameter 'timeout': expected a positive"),
-        ("output_directory:=/proc/none", "/proc/none: cannot be made a folder"),
-    ],
-    "image_publisher": [
-        ("image_path:=/nope.png", "/nope.png: cannot be read: No such file"),
-    ],
+    "planar_regions_report": [("timeout:=0.0", "parameter 'timeout': expected a positive")],
+    "image_publisher": [("image_path:=/nope.png", "/nope.png: cannot be read: No such file")],
     "image_publisher.py": [("topic:='a b'", "parameter 'topic': expected the name of a topic")],
     "image_to_gridmap_demo": [("max_height:=0.0", "parameter 'max_height': expected a finite")],
     "grid_map_to_image_demo": [
@@ -71,16 +54,11 @@ REFUSED: dict[str, list[tuple[str | tuple[str, ...], str]]] = {
         ("speed:=0.0", "parameter 'speed': expected a positive number"),
         ("repeat:=often", "parameter 'repeat': expected true or false"),
     ],
-    "move_demo": [
-        ("duration:=0.0", "parameter 'duration': expected a positive number"),
-    ],
+    "move_demo": [("duration:=0.0", "parameter 'duration': expected a positive number")],
     "normal_filter_comparison_demo": [
         ("shape:=torus", "parameter 'shape': expected one of wave, plane, hill, cone, got 'tor"),
         ("noise_on_map:=-0.1", "parameter 'noise_on_map': expected a number from 0 to"),
-        (
-            "outliers_percentage:=5.0",
-            "parameter 'outliers_percentage': expected a number from 0 to 1, got",
-        ),
+        ("outliers_percentage:=5.0", "'outliers_percentage': expected a number from 0 to 1, got"),
         ("filters.filter1.name:=some", "filter 1"),
     ],
     "octomap_to_gridmap_demo": [
