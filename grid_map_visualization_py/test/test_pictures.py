@@ -235,11 +235,6 @@ def test_relief_is_seen_from_the_azimuth(azimuth, left):
     assert (np.median(brown_columns) < np.median(teal_columns)) == (left == "brown")
 
 
-def test_relief_of_a_moved_map_is_the_same():
-    grid_map = hill_map()
-    np.testing.assert_array_equal(relief_of(grid_map), relief_of(moved_in_buffer(grid_map, (7, 5))))
-
-
 def test_relief_wall_casts_its_shadow_away_from_the_sun():
     # The sun stands to the left of the camera.
     grid_map = GridMap((30, 20), 0.5, layers={"z": 0.0, "white": 1.0})

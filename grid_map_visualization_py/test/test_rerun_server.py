@@ -221,27 +221,11 @@ def test_reader_that_takes_nothing_does_not_block_others(monkeypatch):
         wait_until(lambda: received[0] > before + len(noise), "more data", step=publish)
 
 
-def test_programs_read_the_recording_through_the_same_port(started, tmp_path):
-    path = tmp_path / "saved.rrd"
-    url = started[2].replace("http://", "rerun+http://") + "/proxy"
-    options = "--save", path, "--port", "0", "--bind", "127.0.0.1", url
-    with subprocess.Popen([rerun(), *options], stderr=subprocess.DEVNULL) as program:
-        try:
-            wait_until(lambda: "TextDocument:text" in printed(path), "the text")
-        finally:
-            program.kill()
-
-
 def rerun() -> Path:
     """Return the program of Rerun."""
     import rerun_cli
 
     return Path(rerun_cli.__file__).with_name("rerun")
-
-
-def printed(path: Path) -> str:
-    command = [rerun(), "rrd", "print", path]
-    return subprocess.run(command, capture_output=True, text=True, check=False).stdout
 
 
 def test_errors_are_one_line(monkeypatch):

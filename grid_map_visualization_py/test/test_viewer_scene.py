@@ -16,7 +16,7 @@ from hypothesis import given, strategies as st
 from std_msgs.msg import ColorRGBA, Header
 from visualization_msgs.msg import Marker, MarkerArray
 
-from grid_map_core_py import GridMap, LayerNotFoundError, color_vector_to_value
+from grid_map_core_py import GridMap, color_vector_to_value
 from grid_map_core_py.testing import grid_maps, moved_in_buffer
 from grid_map_ros_py import MessageError, ReceivedMap, to_message
 from grid_map_ros_py.messages import serialize
@@ -138,13 +138,6 @@ def test_any_map_gives_a_scene_and_moved_maps_the_same(grid_map):
     moved = make_scene(moved_in_buffer(grid_map, (rows // 2, columns // 2)), settings)
     assert moved.glb == scene.glb
     np.testing.assert_array_equal(moved.grid_lines, scene.grid_lines)
-
-
-def test_error_names_missing_layer(hill):
-    with pytest.raises(LayerNotFoundError, match="no layer 'height'"):
-        make_scene(hill, ViewSettings(height_layer="height"))
-    with pytest.raises(LayerNotFoundError, match="no layer 'n_x'"):
-        make_scene(hill, ViewSettings(height_layer="elevation", vectors="n_"))
 
 
 def test_scene_knows_the_cells_that_are_shown():
