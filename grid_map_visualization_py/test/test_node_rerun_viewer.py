@@ -15,11 +15,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
-from geometry_msgs.msg import Point, PoseStamped
+from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Odometry, Path as PathMessage
-from std_msgs.msg import ColorRGBA, String
-from test_node_web_viewer import CHROMIUM, FLAGS, decoded, url_of
+from std_msgs.msg import Header, String
+from test_node_web_viewer import CHROMIUM, FLAGS, decoded, triangle, url_of
 from test_rerun_server import rerun
 from visualization_msgs.msg import Marker, MarkerArray
 
@@ -261,23 +262,12 @@ def test_node_goes_on_while_rerun_hangs_and_ends_with_it(peer, number):
         process.stop()
 
 
-def triangle(number: int, x: float, **color: float) -> Marker:
-    """Return a marker above a map, near `x`."""
-    marker = Marker(id=number, ns="regions", type=Marker.TRIANGLE_LIST)
-    marker.header.frame_id = "odom"
-    marker.header.stamp.sec = 5
-    corners = (x - 0.12, 1.85), (x + 0.12, 1.85), (x, 2.2)
-    marker.points = [Point(x=a, y=b, z=0.05) for a, b in corners]
-    marker.color = ColorRGBA(**color, a=1.0)
-    return marker
-
-
 @pytest.mark.needs("playwright")
 def test_regions_replace_those_of_the_last_message(peer):
     playwright = pytest.importorskip("playwright.sync_api")
-    red, green, blue = (255, 0, 0), (0, 255, 0), (0, 0, 255)
-    ground = slope()
-    ground["elevation"] = 0.0
+    red, green, blue = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
+    place = {"frame_id": "odom", "timestamp": 5 * 10**9}
+    ground = GridMap((2.1, 2.1), 0.1, (1.0, 2.0), {"elevation": 0.0}, **place)
     with (
         viewer(topics="[/planar_regions,/grid_map]") as node,
         playwright.sync_playwright() as driver,
@@ -299,13 +289,15 @@ def test_regions_replace_those_of_the_last_message(peer):
 
         def publish(*markers: Marker) -> None:
             # All messages have the same time.
-            first = Marker(action=Marker.DELETEALL, header=triangle(0, 0.0).header)
-            peer.publish("/planar_regions", MarkerArray(markers=[first, *markers]))
+            messages = [Marker(action=Marker.DELETEALL), *markers]
+            for message in messages:
+                message.header = Header(frame_id="odom", stamp=Time(sec=5))
+            peer.publish("/planar_regions", MarkerArray(markers=messages))
 
         peer.publish("/grid_map", to_message(ground))
-        publish(triangle(1, 0.95, r=1.0), triangle(2, 1.25, g=1.0))
+        publish(triangle(0.6, red, number=1), triangle(1.4, green, number=2))
         wait_for([red, green], [blue])
-        publish(triangle(2, 1.25, g=1.0), triangle(3, 0.95, b=1.0))
+        publish(triangle(1.4, green, number=2), triangle(0.6, blue, number=3))
         wait_for([green, blue], [red])
         browser.close()
 
