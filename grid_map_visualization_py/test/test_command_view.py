@@ -59,7 +59,7 @@ def files(tmp_path_factory) -> Path:
     folder = tmp_path_factory.mktemp("files")
     whole = GridMap((90.0, 60.0), 0.1, CENTER, {"elevation": 0.0}, frame_id="utm")
     x, y = np.meshgrid(*whole.axes(), indexing="ij")
-    whole["elevation"] = height(x, y)
+    whole["elevation"] = 0.1 * (x - CENTER[0]) + 0.2 * (y - CENTER[1])
     site = open_map(whole.to_xarray(crs="EPSG:25832"), chunks=64)
     site.to_zarr(folder / "site.zarr")
     site.to_geotiff(folder / "site.tif", cog=True)
@@ -76,10 +76,6 @@ def command(grid_map_command, files):
     for file in files.iterdir():
         Path(file.name).symlink_to(file)
     return grid_map_command
-
-
-def height(x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    return 0.1 * (x - CENTER[0]) + 0.2 * (y - CENTER[1])
 
 
 def points_of(rows: dict[str, list[Row]], name: str = "/site") -> np.ndarray:

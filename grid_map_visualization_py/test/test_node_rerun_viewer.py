@@ -68,12 +68,6 @@ def viewer(*program: str, **parameters: object) -> Iterator[Process]:
         yield process
 
 
-def program_of(node: Process) -> int:
-    """Return the process of Rerun that a node has started."""
-    (child,) = Path(f"/proc/{node.pid}/task/{node.pid}/children").read_text().split()
-    return int(child)
-
-
 class Client:
     """A second client, which saves what it reads."""
 
@@ -163,8 +157,7 @@ def test_a_second_client_reads_what_was_published(peer, tmp_path):
         def has_come() -> bool:
             return all(name in reader.columns(entity) for entity, name in expected.items())
 
-        step = lambda: peer.spin(0.1)  # noqa: E731
-        wait_until(has_come, "all entities", step=step, timeout=PATIENCE)
+        peer.wait_until(has_come, "all entities")
         columns = reader.columns(image)
         (((data,),),) = [columns["Image:buffer"]]
         shown = np.array(data, np.uint8).view(np.float32).reshape(4, 6)
@@ -193,8 +186,7 @@ def test_bad_messages_are_dropped_and_counted(peer, tmp_path):
         wait_until(lambda: logged in node.text, "the line")
         peer.publish("/bad_map", to_message(slope()))
         entity = "/bad_map/layers/elevation"
-        step = lambda: peer.spin(0.1)  # noqa: E731
-        wait_until(lambda: reader.columns(entity), "the next", step=step, timeout=PATIENCE)
+        peer.wait_until(lambda: reader.columns(entity), "the next")
         refused = "/words is not shown: its type is std_msgs/msg/String"
         wait_until(lambda: refused in node.text, "the other line")
         # Other topics were not chosen.
@@ -234,7 +226,8 @@ def test_node_goes_on_while_rerun_hangs_and_ends_with_it(peer, number):
     try:
         url_of(process)
         peer.publish("/large", message)
-        program = program_of(process)
+        children = Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text()
+        program = int(children)
         os.kill(program, number)
         if number == signal.SIGKILL:
             assert process.wait(PATIENCE) == 1

@@ -80,26 +80,19 @@ def address_of(text: str) -> str:
     return socket.inet_ntop(socket.AF_INET6, words)
 
 
-def environment(home: Path) -> dict[str, str]:
-    """Return the environment of a user with a home of its own.
-
-    Rerun writes nothing where the variable `CI` is set.
-    """
-    variables = {**os.environ, "HOME": str(home), "XDG_CONFIG_HOME": "", "XDG_DATA_HOME": ""}
-    variables.pop("CI", None)
-    return variables
-
-
 @pytest.fixture
 def started(tmp_path: Path) -> Iterator[tuple[subprocess.Popen[str], int, str]]:
     """A program that serves, with a home of its own; the process of `rerun`; and the address."""
+    variables = {**os.environ, "HOME": str(tmp_path), "XDG_CONFIG_HOME": "", "XDG_DATA_HOME": ""}
+    # Where it is set, Rerun writes nothing.
+    variables.pop("CI", None)
     with subprocess.Popen(
         [sys.executable, "-c", MAKE],
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
         text=True,
-        env=environment(tmp_path),
+        env=variables,
     ) as program:
         pid, url = program.stdout.readline().split()
         yield program, int(pid), url
