@@ -15,7 +15,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Odometry, Path as PathMessage
@@ -25,7 +24,7 @@ from test_rerun_server import rerun
 from visualization_msgs.msg import Marker, MarkerArray
 
 from grid_map_core_py import GridMap
-from grid_map_ros_py import to_message
+from grid_map_ros_py import to_message, to_stamp
 from grid_map_ros_py.testing import Peer, Process, running, wait_until
 
 pytestmark = [pytest.mark.needs("rerun"), pytest.mark.timeout(900)]
@@ -284,7 +283,7 @@ def test_regions_replace_those_of_the_last_message(peer):
             # All messages have the same time.
             messages = [Marker(action=Marker.DELETEALL), *markers]
             for message in messages:
-                message.header = Header(frame_id="odom", stamp=Time(sec=5))
+                message.header = Header(frame_id="odom", stamp=to_stamp(5 * 10**9))
             peer.publish("/planar_regions", MarkerArray(markers=messages))
 
         peer.publish("/grid_map", to_message(ground))
