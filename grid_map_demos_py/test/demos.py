@@ -24,6 +24,7 @@ from grid_map_ros_py.testing import Process, peer, running_node
 
 WORKSPACE = Path(__file__).parents[2]
 PACKAGE = WORKSPACE / "grid_map_demos_py"
+DATA = PACKAGE / "data"
 LAUNCH_FILES = {
     path.name.removesuffix("_launch.xml"): path for path in sorted((PACKAGE / "launch").iterdir())
 }

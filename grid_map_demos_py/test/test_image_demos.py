@@ -2,13 +2,13 @@
 """The image demos, without ROS running."""
 
 import math
-import re
 import sys
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
+from demos import DATA, PACKAGE
 
 from grid_map_core_py.conversions import to_image
 from grid_map_core_py.errors import GridMapError
@@ -21,49 +21,33 @@ from grid_map_demos_py.resolution_change_demo_node import resolution_at
 from grid_map_ros_py.messages._image import to_pixels
 from grid_map_ros_py.testing import Process
 
-PACKAGE = Path(__file__).parents[1]
-
 # --- from files to messages -----------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("encoding", ["mono8", "mono16", "bgr8", "bgr16", "bgra8", "bgra16"])
-def test_message_has_the_pixels_of_the_file(encoding, tmp_path):
-    name, bits = re.fullmatch(r"([a-z]+)(\d+)", encoding).groups()
-    shape = (2, 3, {"mono": 1, "bgr": 3, "bgra": 4}[name])
-    written = np.random.default_rng(1).integers(0, 2 ** int(bits), shape, f"uint{bits}")
-    assert cv2.imwrite(str(tmp_path / "image.png"), written)
-    message = read_message(tmp_path / "image.png")
+@pytest.mark.parametrize(
+    ("encoding", "kind", "channels"),
+    [
+        *(("mono8", "uint8", 1), ("bgr8", "uint8", 3), ("bgra8", "uint8", 4)),
+        *(("mono16", "uint16", 1), ("bgr16", "uint16", 3), ("bgra16", "uint16", 4)),
+        *(("32FC1", "float32", 1), ("32FC3", "float32", 3)),
+    ],
+)
+def test_message_has_the_pixels_of_the_file(encoding, kind, channels, tmp_path):
+    file = str(tmp_path / ("image.tiff" if kind == "float32" else "image.png"))
+    written = np.random.default_rng(1).integers(-(2**15), 2**15, (2, 3, channels)).astype(kind)
+    # Uncompressed, because older versions of OpenCV compress colors with loss.
+    assert cv2.imwrite(file, written, [cv2.IMWRITE_TIFF_COMPRESSION, 1])
+    message = read_message(Path(file))
     assert (message.encoding, message.height, message.width) == (encoding, 2, 3)
     pixels, order = to_pixels(message)
     assert order == "bgr"
     np.testing.assert_array_equal(pixels, written)
 
 
-@pytest.mark.parametrize("channels", [1, 3])
-def test_floats_stay_floats(channels, tmp_path):
-    values = np.linspace(-1e3, 1e3, 6 * channels, dtype=np.float32).reshape(2, 3, channels)
-    # Uncompressed, because older versions of OpenCV compress colors with loss.
-    uncompressed = [cv2.IMWRITE_TIFF_COMPRESSION, 1]
-    assert cv2.imwrite(str(tmp_path / "image.tiff"), values, uncompressed)
-    message = read_message(tmp_path / "image.tiff")
-    assert message.encoding == f"32FC{channels}"
-    np.testing.assert_array_equal(to_pixels(message)[0], values)
-
-
-@pytest.mark.parametrize(
-    ("content", "found"),
-    [
-        (None, "No such file"),
-        (b"", "not an image"),
-        (b"text", "not an image"),
-        (b"P5 100000 100000 255\ntoo many pixels", "at most 16000000 cells"),
-    ],
-)
-def test_error_names_file_that_is_no_image(content, found, tmp_path):
+def test_error_names_image_that_is_too_large(tmp_path):
     file = tmp_path / "image.pgm"
-    if content is not None:
-        file.write_bytes(content)
-    with pytest.raises(GridMapError, match=rf"{file}: .*{found}"):
+    file.write_bytes(b"P5 100000 100000 255\ntoo many pixels")
+    with pytest.raises(GridMapError, match=rf"{file}: .*at most 16000000 cells"):
         read_message(file)
 
 
@@ -72,20 +56,14 @@ def test_error_names_file_that_is_no_image(content, found, tmp_path):
 
 LOSSLESS = [(8, False, "png"), (8, False, "PNG"), (8, False, "jpg"), (16, True, "png")]
 LOSSLESS += [(16, False, "tiff")]
-LOSSY = [
-    (16, False, "jpg"),
-    (8, True, "jpg"),
-    (16, False, "gif"),
-    (8, False, "doc"),
-    (8, False, ""),
-]
+LOSSY = [(16, False, "jpg"), (8, True, "jpg"), (16, False, "gif"), (8, False, "doc")]
 
 
 @pytest.mark.parametrize(("bits", "transparent", "ending"), LOSSLESS + LOSSY)
 @pytest.mark.parametrize("is_color", [False, True])
 def test_lossy_formats_do_not_fit(bits, transparent, ending, is_color):
     shape = (1, 1, 4) if transparent else (1, 1, 3) if is_color else (1, 1)
-    path = Path("folder") / f"image.{ending}".strip(".")
+    path = Path("folder") / f"image.{ending}"
     fits = (bits, transparent, ending) in LOSSLESS
     assert keeps(path, np.zeros(shape, f"uint{bits}")) == fits
 
@@ -178,7 +156,7 @@ def test_data_files_equal_the_output_of_their_script(tmp_path):
     assert done.wait() == 0, done.text
     assert {path.name for path in made.iterdir()} == {"terrain.png", "terrain_16bit.png", "room.bt"}
     for path in made.iterdir():
-        stored = PACKAGE / "data" / path.name
+        stored = DATA / path.name
         if path.suffix == ".bt":
             assert path.read_bytes() == stored.read_bytes()
         else:

@@ -1,14 +1,13 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """All ways to visit the cells of a map give the same result."""
 
-import signal
 import sys
 
 import numpy as np
 import pytest
 
 from grid_map_demos_py.iterator_benchmark import WAYS, main, make_map, table
-from grid_map_ros_py.testing import Process, wait_until
+from grid_map_ros_py.testing import Process
 
 BENCHMARK = "grid_map_demos_py.iterator_benchmark"
 LARGER, MEANS = WAYS.values()
@@ -70,12 +69,3 @@ def test_invalid_size_is_refused(word, capsys):
     with pytest.raises(SystemExit, match="2"):
         main([word])
     assert "usage: iterator_benchmark" in capsys.readouterr().err
-
-
-def test_interrupt_leaves_no_traceback():
-    command = [sys.executable, "-m", BENCHMARK, "1500"]
-    benchmark = Process(command)
-    wait_until(lambda: "larger" in benchmark.text, "the beginning of the table")
-    benchmark.send_signal(signal.SIGINT)
-    assert benchmark.wait() == -signal.SIGINT
-    assert "Traceback" not in benchmark.text

@@ -131,7 +131,7 @@ def test_demos_take_the_viewer_that_is_installed(monkeypatch):
     assert launcher.viewer().endswith(".web_viewer")
 
 
-@pytest.mark.parametrize("count", [2, 3, 4, 5, "FilterChain("])
+@pytest.mark.parametrize("count", [2, 5, "FilterChain("])
 def test_interrupt_leaves_no_process_and_no_traceback(tmp_path, count):
     demo, mark = start_marked("--report", str(tmp_path))
     if isinstance(count, int):
@@ -157,30 +157,23 @@ def test_killed_demo_leaves_no_process():
     demo.wait()
 
 
-def test_report_names_topics_without_messages_after_the_timeout(tmp_path):
-    given = parameters("timeout:=1.0", f"output_directory:={tmp_path}")
-    process = start_node(*REPORT, *given)
-    assert process.wait() == 1
-    assert "after 1 s too few messages on /grid_map, /elevation_points" in process.text
-    assert "Traceback" not in process.text
-    assert not list(tmp_path.iterdir())
-
-
-def test_report_counts_only_valid_maps_and_chain_diagnostics():
+def test_report_counts_only_valid_maps_and_chain_diagnostics(tmp_path):
     ours = DiagnosticStatus(name="grid_map_filters")
     battery = DiagnosticStatus(name="battery", values=[KeyValue(key="ms left", value="plenty")])
     strange = DiagnosticStatus(name=ours.name, values=[KeyValue(key="ms inpaint", value="few")])
     broken = to_message(GridMap((1.0, 1.0), 0.5, layers=["elevation"]))
     broken.info.resolution = 0.0
     with peer() as other:
-        process = start_node(*REPORT, *parameters("timeout:=3.0"))
+        given = parameters("timeout:=3.0", f"output_directory:={tmp_path}")
+        process = start_node(*REPORT, *given)
         for status in (battery, strange, ours, battery):
             other.publish("/diagnostics", DiagnosticArray(status=[status]), 10)
         other.publish("/filtered_map", broken)
         assert process.wait() == 1
     assert "Traceback" not in process.text
-    assert "too few messages on /grid_map, /elevation_points" in process.text
+    assert "after 3 s too few messages on /grid_map, /elevation_points" in process.text
     assert "/filtered_map, /diagnostics" in process.text
+    assert not list(tmp_path.iterdir())
     assert (
         "dropped a message of /filtered_map: info.resolution: expected a positive" in process.text
     )

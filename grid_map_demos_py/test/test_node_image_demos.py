@@ -1,14 +1,13 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The image demos as users start them: real processes over DDS."""
 
-from pathlib import Path
-
 import cv2
 import numpy as np
 import pytest
-from demos import parameters, published
+from demos import DATA, parameters, published
 from rclpy.qos import qos_profile_sensor_data
 from sensor_msgs.msg import Image
+from std_msgs.msg import Header
 
 from grid_map_core_py import GridMap, color_value_to_vector
 from grid_map_core_py.conversions import to_image
@@ -16,12 +15,9 @@ from grid_map_demos_py.opencv_demo_node import blur, kernel_size
 from grid_map_demos_py.parts import star_map
 from grid_map_demos_py.resolution_change_demo_node import resolution_at
 from grid_map_msgs.msg import GridMap as GridMapMessage
-from grid_map_ros_py import from_message, to_message
-from grid_map_ros_py.messages import from_stamp
-from grid_map_ros_py.messages._image import to_pixels
+from grid_map_ros_py import from_message, from_stamp, to_message, to_stamp
+from grid_map_ros_py.messages._image import from_pixels, to_pixels
 from grid_map_ros_py.testing import peer, running_node, start_node
-
-DATA = Path(__file__).parents[1] / "data"
 
 
 def module(demo: str) -> str:
@@ -83,15 +79,9 @@ def test_image_file_is_read_again_for_every_message(tmp_path):
 # --- image_to_gridmap_demo ------------------------------------------------------------------------
 
 
-def image_message(encoding: str, pixels: np.ndarray, **fields: object) -> Image:
-    data = np.ascontiguousarray(pixels).tobytes()
-    rows, columns = pixels.shape[:2]
-    message = Image(encoding=encoding, height=rows, width=columns, step=len(data) // rows)
-    message.data = data
-    message.header.frame_id = "camera"
-    for name, value in fields.items():
-        setattr(message.header.stamp, name, value)
-    return message
+def image_message(encoding: str, pixels: np.ndarray, nanoseconds: int = 0) -> Image:
+    header = Header(frame_id="camera", stamp=to_stamp(nanoseconds))
+    return from_pixels(np.atleast_3d(pixels), encoding, header)
 
 
 def test_first_image_sets_the_size_of_later_ones():
@@ -101,11 +91,11 @@ def test_first_image_sets_the_size_of_later_ones():
     with peer() as other:
         other.listen("/grid_map", GridMapMessage)
         with running_node(module("image_to_gridmap_demo"), *given) as demo:
-            other.publish("/image", image_message("mono16", gray, sec=7))
+            other.publish("/image", image_message("mono16", gray, 7_000_000_000))
             first = from_message(other.expect("/grid_map", 1))
             other.publish("/image", image_message("mono16", gray[:1]))
             other.wait_until(lambda: "(1, 3)" in demo.text, "a warning")
-            other.publish("/image", image_message("rgba8", green_and_glass, nanosec=9))
+            other.publish("/image", image_message("rgba8", green_and_glass, 9))
             second = from_message(other.expect("/grid_map", 2))
     assert "dropped a message of /image: height, width: expected (2, 3)" in demo.text
     assert (first.frame_id, first.resolution, first.timestamp) == ("odom", 0.5, 7_000_000_000)

@@ -14,7 +14,6 @@ from grid_map_msgs.msg import GridMap as GridMapMessage
 from grid_map_ros_py import from_message
 from grid_map_ros_py.testing import peer, running_node
 
-MODULE = "interpolation_demo_node"
 TOPICS = ("/ground_truth", "/data_sparse", "/interpolated")
 
 # --- worlds and methods ---------------------------------------------------------------------------
@@ -23,10 +22,6 @@ TOPICS = ("/ground_truth", "/data_sparse", "/interpolated")
 @pytest.mark.parametrize(
     ("world", "position", "height"),
     [
-        ("Sine", (0.0, 0.0), 2.0),
-        ("Sine", (math.pi, math.pi / 4), -1.0),
-        ("Poly", (1.0, 2.0), 3.0),
-        ("Poly", (2.0, -1.0), -5.0),
         # Positions next to each hill, computed by hand.
         ("Gauss", (1.5, -0.7), -1.519150),
         ("Gauss", (1.3, 1.3), -0.606814),
@@ -42,12 +37,6 @@ TOPICS = ("/ground_truth", "/data_sparse", "/interpolated")
 def test_height_of_world_equals_computation_by_hand(world, position, height):
     x, y = np.transpose([position])
     assert WORLDS[world](x, y) == pytest.approx(height, abs=1e-5)
-
-
-def test_samples_are_taken_at_cell_centers():
-    grid_map = sampled(lambda x, y: 10 * x + y, GridGeometry(np.array([0.6, 0.4]), 0.1))
-    x, y = grid_map.get_positions().T
-    np.testing.assert_allclose(grid_map["demo"].ravel("F"), 10 * x + y, rtol=1e-6)
 
 
 def test_nearest_errs_on_a_slope_and_linear_does_not():
@@ -84,7 +73,7 @@ def published(*arguments: str) -> tuple[list[GridMap], str]:
     with peer() as other:
         for topic in TOPICS:
             other.listen(topic, GridMapMessage)
-        with running_node(f"grid_map_demos_py.{MODULE}", *arguments) as demo:
+        with running_node("grid_map_demos_py.interpolation_demo_node", *arguments) as demo:
             maps = [from_message(other.expect(topic)) for topic in TOPICS]
     return maps, demo.text
 

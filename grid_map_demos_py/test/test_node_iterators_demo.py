@@ -16,7 +16,6 @@ from grid_map_ros_py.testing import peer, running_node
 
 MODULE = "iterators_demo_node"
 TITLES = [*REGIONS, "a sliding window"]
-each_region = pytest.mark.parametrize("title", REGIONS)
 
 
 @cache
@@ -42,7 +41,7 @@ def test_regions_are_shown_in_the_order_of_cpp():
     assert [*scenes()] == [*names.split(", "), "a sliding window"]
 
 
-@each_region
+@pytest.mark.parametrize("title", REGIONS)
 def test_region_grows_cell_by_cell_from_an_empty_map(title):
     layers = [layer for _, layer in scenes()[title]]
     assert np.isnan(layers[0]).all()

@@ -4,17 +4,13 @@
 Services need `octomap_msgs`; they are tested with the other optional messages of the workspace.
 """
 
-from pathlib import Path
-
 import numpy as np
 import pytest
-from demos import published
-
-ROOM = Path(__file__).parents[1] / "data" / "room.bt"
+from demos import DATA, published
 
 
 def test_the_room_is_shown_below_its_ceiling():
-    given = (f"octomap_path:={ROOM}", "max_z:=2", "min_x:=-1.0")
+    given = (f"octomap_path:={DATA}/room.bt", "max_z:=2", "min_x:=-1.0")
     (grid_map,), _ = published("octomap_to_gridmap_demo", *given)
     assert (grid_map.frame_id, grid_map.layers) == ("map", ("elevation",))
     assert grid_map.basic_layers == ("elevation",)

@@ -9,17 +9,17 @@ import pytest
 
 from grid_map_core_py.planes import extract_planes
 from grid_map_demos_py.report_node import found_planes
-from grid_map_demos_py.steps_course import PLANES, make_course, pose_at
+from grid_map_demos_py.steps_course import PLANES, make_course
 from grid_map_ros_py.testing import Process, wait_until
 
 
-def counts(rows: dict[str, str]) -> dict[str, int]:
-    """Return the number of planes that have regions; their heights must be exact."""
+def counts(rows: dict[str, str], tolerance: float = 1.0) -> dict[str, int]:
+    """Return the number of planes that have regions, at heights within a tolerance [mm]."""
     found = {}
     for name, text in rows.items():
         count, total, error = re.fullmatch(r"(\d+) of (\d+), heights within (.+) mm", text).groups()
         assert int(total) == len(PLANES[name])
-        assert float(error) < 1.0
+        assert float(error) < tolerance
         found[name] = int(count)
     return found
 
@@ -32,13 +32,6 @@ def test_course_has_all_planes():
     tops = course.at_position("elevation", np.array(PLANES["treads"]))
     np.testing.assert_allclose(np.diff(tops), 0.17, atol=1e-6)
     assert regions.at(PLANES["ramp"][0]).normal[0] == pytest.approx(0.36, abs=0.02)
-
-
-def test_camera_looks_ahead_and_down():
-    pose = pose_at(1.5)
-    np.testing.assert_allclose(pose[:3, :3] @ pose[:3, :3].T, np.eye(3), atol=1e-12)
-    assert np.linalg.det(pose[:3, :3]) == pytest.approx(1.0)
-    np.testing.assert_allclose(pose @ (0.0, 0.0, 2.0, 1.0), (2.5, 0.0, 2.2 - 3**0.5, 1.0))
 
 
 def test_missing_and_merged_regions_are_not_counted():
@@ -62,13 +55,7 @@ def test_demo_finds_all_treads_stones_and_the_ramp(tmp_path):
         demo.stop()
     assert demo.returncode == 0, demo.text
     assert "Traceback" not in demo.text, demo.text
-    found = re.findall(
-        r"^ +(treads|ramp|stones) +(\d+) of (\d+), heights within ([\d.]+) mm",
-        demo.text,
-        re.MULTILINE,
-    )
-    numbers = {name: (int(count), int(total)) for name, count, total, _ in found}
-    assert numbers == {"treads": (5, 5), "ramp": (1, 1), "stones": (9, 9)}
-    assert all(float(error) < 15.0 for *_, error in found)
+    rows = dict(re.findall(r"^ +(treads|ramp|stones) +(.+)$", demo.text, re.MULTILINE))
+    assert counts(rows, 15.0) == {"treads": 5, "ramp": 1, "stones": 9}
     assert [path.name for path in tmp_path.iterdir()] == ["planar_regions.png"]
     assert (tmp_path / "planar_regions.png").stat().st_size > 20_000

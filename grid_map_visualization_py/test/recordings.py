@@ -1,17 +1,25 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """A bag with messages of all types that Rerun shows, and what a recording of Rerun holds."""
 
+import array
 from collections import defaultdict
 from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from geometry_msgs.msg import Point, Pose, PoseStamped, TransformStamped, Vector3
+from nav_msgs.msg import MapMetaData, OccupancyGrid, Odometry, Path as PathMessage
+from sensor_msgs.msg import PointCloud2
+from std_msgs.msg import ColorRGBA, Header
+from visualization_msgs.msg import Marker, MarkerArray
 
 from grid_map_core_py import GridMap
-from grid_map_ros_py import BagWriter
+from grid_map_ros_py import BagWriter, to_stamp
 from grid_map_ros_py.bags._storage import Topic
 from grid_map_ros_py.messages import serialize
+from grid_map_ros_py.messages._point_cloud import write_points
 
 BEGIN = 1_700_000_000_123_456_789
 """Time of the first map [ns]."""
@@ -35,72 +43,42 @@ def hills(number: int) -> GridMap:
     return grid_map
 
 
-def header(time: int, frame: str) -> SimpleNamespace:
-    return SimpleNamespace(stamp=stamp(time), frame_id=frame)
+def header(time: int, frame: str) -> Header:
+    return Header(stamp=to_stamp(time), frame_id=frame)
 
 
-def stamp(time: int) -> SimpleNamespace:
-    return SimpleNamespace(sec=time // 10**9, nanosec=time % 10**9)
-
-
-def vector(x: float = 0.0, y: float = 0.0, z: float = 0.0) -> SimpleNamespace:
-    return SimpleNamespace(x=x, y=y, z=z)
-
-
-def pose(x: float, y: float, z: float) -> SimpleNamespace:
-    turn = SimpleNamespace(x=0.0, y=0.0, z=0.0, w=1.0)
-    return SimpleNamespace(position=vector(x, y, z), orientation=turn)
+def pose(x: float, y: float, z: float) -> Pose:
+    return Pose(position=Point(x=x, y=y, z=z))
 
 
 def transform(time: int, parent: str, child: str, *position: float) -> SimpleNamespace:
-    place = pose(*position)
-    moved = SimpleNamespace(translation=place.position, rotation=place.orientation)
-    one = SimpleNamespace(header=header(time, parent), child_frame_id=child, transform=moved)
+    """Return a `tf2_msgs/TFMessage`, whose package may be missing."""
+    one = TransformStamped(header=header(time, parent), child_frame_id=child)
+    place = one.transform.translation
+    place.x, place.y, place.z = position
     return SimpleNamespace(transforms=[one])
 
 
-def cloud(time: int, points: np.ndarray) -> SimpleNamespace:
-    fields = [
-        SimpleNamespace(name=name, offset=4 * axis, datatype=7, count=1)
-        for axis, name in enumerate("xyz")
-    ]
-    size = {"height": 1, "width": len(points), "point_step": 12, "row_step": 12 * len(points)}
-    data = np.frombuffer(points.astype(np.float32).tobytes(), np.uint8)
-    flags = {"is_bigendian": False, "is_dense": False}
-    return SimpleNamespace(header=header(time, "lidar"), fields=fields, data=data, **size, **flags)
+def cloud(time: int, points: np.ndarray) -> PointCloud2:
+    data = array.array("B", points.astype(np.float32).tobytes())
+    return write_points("xyz", data, header(time, "lidar"))
 
 
-def occupancy_grid(time: int) -> SimpleNamespace:
-    size = {"resolution": 0.1, "width": 3, "height": 2}
-    info = SimpleNamespace(map_load_time=stamp(0), **size, origin=pose(1, 2, 0))
-    cells = np.array([100, 0, -1, 50, 0, 0], np.int8)
-    return SimpleNamespace(header=header(time, "map"), info=info, data=cells)
+def occupancy_grid(time: int) -> OccupancyGrid:
+    info = MapMetaData(resolution=0.1, width=3, height=2, origin=pose(1.0, 2.0, 0.0))
+    cells = [100, 0, -1, 50, 0, 0]
+    return OccupancyGrid(header=header(time, "map"), info=info, data=cells)
 
 
-def marker(time: int, kind: int, number: int, action: int = 0) -> SimpleNamespace:
-    corners = [vector(), vector(1.0), vector(0.0, 1.0)] if kind in (4, 5, 6, 7, 8, 11) else []
-    texture = SimpleNamespace(header=header(0, ""), format="", data=[])
-    return SimpleNamespace(
-        header=header(time, "map"),
-        ns="shapes",
-        id=number,
-        type=kind,
-        action=action,
-        pose=pose(float(number), -2.0, 0.0),
-        scale=vector(0.3, 0.3, 0.3),
-        color=SimpleNamespace(r=1.0, g=0.5, b=0.0, a=1.0),
-        lifetime=stamp(0),
-        frame_locked=False,
-        points=corners,
-        colors=[],
-        texture_resource="",
-        texture=texture,
-        uv_coordinates=[],
-        text="here",
-        mesh_resource="",
-        mesh_file=SimpleNamespace(filename="", data=[]),
-        mesh_use_embedded_materials=False,
-    )
+def marker(time: int, kind: int, number: int, action: int = 0) -> Marker:
+    found = Marker(header=header(time, "map"), ns="shapes", id=number, type=kind, action=action)
+    found.pose = pose(float(number), -2.0, 0.0)
+    found.scale = Vector3(x=0.3, y=0.3, z=0.3)
+    found.color = ColorRGBA(r=1.0, g=0.5, a=1.0)
+    found.text = "here"
+    if kind in (4, 5, 6, 7, 8, 11):
+        found.points = [Point(), Point(x=1.0), Point(y=1.0)]
+    return found
 
 
 MARKERS = (0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 11)
@@ -109,7 +87,7 @@ MARKERS = (0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 11)
 POINTS = np.array([(0.0, 0.0, 0.0), (np.nan, 0.0, 0.0), (1.0, 2.0, 3.0)])
 
 
-def put_into(bag: BagWriter, topic: str, kind: str, time: int, message: SimpleNamespace) -> None:
+def put_into(bag: BagWriter, topic: str, kind: str, time: int, message: object) -> None:
     """Write a message into a bag."""
     topic_kind = Topic(kind.replace("/", "/msg/"), "cdr")
     bag.write_serialized(topic, topic_kind, time, serialize(message, message_type=kind))
@@ -127,37 +105,24 @@ def write_survey(path: Path, count: int = 3) -> None:
             place = (0.25 * number, 0.0, 1.0)
             put("/tf", "tf2_msgs/TFMessage", time, transform(time, "map", "base", *place))
             bag.write("/grid_map", hills(number), time=time + DELAY)
-            zeros = np.zeros(36)
-            odometry = SimpleNamespace(
-                header=header(time, "map"),
-                child_frame_id="base",
-                pose=SimpleNamespace(pose=pose(*place), covariance=zeros),
-                twist=SimpleNamespace(
-                    twist=SimpleNamespace(linear=vector(), angular=vector()), covariance=zeros
-                ),
-            )
+            odometry = Odometry(header=header(time, "map"), child_frame_id="base")
+            odometry.pose.pose = pose(*place)
             put("/odom", "nav_msgs/Odometry", time, odometry)
-            poses.append(SimpleNamespace(header=header(time, "map"), pose=pose(*place)))
+            poses.append(PoseStamped(header=header(time, "map"), pose=pose(*place)))
             put("/goal", "geometry_msgs/PoseStamped", time, poses[-1])
-            path_message = SimpleNamespace(header=header(time, "map"), poses=poses)
-            put("/path", "nav_msgs/Path", time, path_message)
+            way = PathMessage(header=header(time, "map"), poses=poses)
+            put("/path", "nav_msgs/Path", time, way)
             put("/points", "sensor_msgs/PointCloud2", time, cloud(time, POINTS))
             put("/costmap", "nav_msgs/OccupancyGrid", time, occupancy_grid(time))
             shapes = [marker(time, kind, kind) for kind in MARKERS]
-            shapes += [marker(time, 1, 99, action=2)]
-            array = SimpleNamespace(markers=shapes)
-            put("/shapes", "visualization_msgs/MarkerArray", time, array)
-            values = [
-                SimpleNamespace(key="ms slope", value=str(2.5 + number)),
-                SimpleNamespace(key="ms blur", value="none yet"),
-                SimpleNamespace(key="maps", value="3"),
-            ]
-            status = SimpleNamespace(
-                level=b"\0", name="chain", message="", hardware_id="", values=values
-            )
-            report = SimpleNamespace(header=header(time, ""), status=[status])
+            shapes += [marker(time, 1, 99, action=Marker.DELETE)]
+            put("/shapes", "visualization_msgs/MarkerArray", time, MarkerArray(markers=shapes))
+            values = {"ms slope": str(2.5 + number), "ms blur": "none yet", "maps": "3"}
+            pairs = [KeyValue(key=key, value=value) for key, value in values.items()]
+            status = DiagnosticStatus(name="chain", values=pairs)
+            report = DiagnosticArray(header=header(time, ""), status=[status])
             put("/diagnostics", "diagnostic_msgs/DiagnosticArray", time, report)
-            put("/chat", "geometry_msgs/Vector3", time, vector())
+            put("/chat", "geometry_msgs/Vector3", time, Vector3())
 
 
 class Row(dict):

@@ -36,8 +36,10 @@ def frames_of(path: Path) -> tuple[list[np.ndarray], float]:
     return frames, video.get(cv2.CAP_PROP_FPS)
 
 
-@pytest.mark.parametrize("ending", ["mp4", "gif"])
-@pytest.mark.parametrize(("speed", "count", "rate"), [(1.0, 6, 5.0), (30.0, 2, 50.0)])
+@pytest.mark.parametrize(
+    ("ending", "speed", "count", "rate"),
+    [("mp4", 1.0, 6, 5.0), ("gif", 1.0, 6, 5.0), ("gif", 30.0, 2, 50.0)],
+)
 def test_animation_has_a_frame_per_map(survey, tmp_path, ending, speed, count, rate):
     path = tmp_path / f"survey.{ending}"
     path.write_bytes(b"old")

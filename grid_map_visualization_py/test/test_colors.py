@@ -71,14 +71,6 @@ def test_equal_values_are_at_the_lower_end():
     assert (Coloring(color_map="gray")(values(3, 3)) == 0).all()
 
 
-def test_layers_of_any_shape_and_order_of_memory():
-    layer = np.asfortranarray(np.random.default_rng(0).random((4, 3), np.float32))
-    scale = Coloring()
-    assert (scale(layer) == scale(layer.T.copy()).transpose(1, 0, 2)).all()
-    fixed = Coloring(lower=float(layer.min()), upper=float(layer.max()))
-    assert (fixed(layer[2, 1]) == scale(layer)[2, 1]).all()
-
-
 def test_packed_colors_are_unpacked_and_gray_where_missing():
     packed = np.append(color_vector_to_value([(1, 2, 3), (255, 254, 253)]), np.float32(np.nan))
     expected = [[1, 2, 3], [255, 254, 253], [MISSING] * 3]
@@ -103,8 +95,7 @@ def test_names_equal_matplotlib_without_reversed_ones():
         ({"color_map": "###"}, ["'color_map'", "'###'", "turbo"]),
         ({"lower": np.nan}, ["'lower'", "finite", "nan"]),
         ({"upper": np.inf}, ["'upper'", "finite", "inf"]),
-        ({"lower": 1.0, "upper": 1.0}, ["'upper'", "more than lower (1.0)", "1.0"]),
-        ({"lower": 2.0, "upper": 1.0}, ["'upper'", "more than lower (2.0)", "`invert`"]),
+        ({"lower": 1.0, "upper": 1.0}, ["'upper'", "more than lower (1.0)", "`invert`", "1.0"]),
     ],
 )
 def test_mistake_is_one_error_that_names_the_parameter(parameters, words):

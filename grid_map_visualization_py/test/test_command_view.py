@@ -50,27 +50,32 @@ def shown(command, monkeypatch) -> Callable[[str], Shown]:
     return run
 
 
-@pytest.fixture
-def command(grid_map_command):
-    """Return `grid_map_command` in a folder with a sloping plane in files of several formats."""
+@pytest.fixture(scope="module")
+def files(tmp_path_factory) -> Path:
+    """A folder with a sloping plane in files of several formats."""
     from grid_map_core_py import save
     from grid_map_core_py.tiled import open_map
 
+    folder = tmp_path_factory.mktemp("files")
     whole = GridMap((90.0, 60.0), 0.1, CENTER, {"elevation": 0.0}, frame_id="utm")
     x, y = np.meshgrid(*whole.axes(), indexing="ij")
-    whole["elevation"] = height(x, y)
+    whole["elevation"] = 0.1 * (x - CENTER[0]) + 0.2 * (y - CENTER[1])
     site = open_map(whole.to_xarray(crs="EPSG:25832"), chunks=64)
-    site.to_zarr("site.zarr")
-    site.to_geotiff("site.tif", cog=True)
-    save(whole, "site.npz")
-    with BagWriter("survey") as bag:
+    site.to_zarr(folder / "site.zarr")
+    site.to_geotiff(folder / "site.tif", cog=True)
+    save(whole, folder / "site.npz")
+    with BagWriter(folder / "survey") as bag:
         for number in range(4):
             bag.write("/grid_map", whole, time=(number + 1) * 10**9)
+    return folder
+
+
+@pytest.fixture
+def command(grid_map_command, files):
+    """Return `grid_map_command` in a folder with links to the files."""
+    for file in files.iterdir():
+        Path(file.name).symlink_to(file)
     return grid_map_command
-
-
-def height(x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    return 0.1 * (x - CENTER[0]) + 0.2 * (y - CENTER[1])
 
 
 def points_of(rows: dict[str, list[Row]], name: str = "/site") -> np.ndarray:
@@ -121,20 +126,11 @@ NEITHER = "expected --position or --lat and --lon, with --length; got"
     [
         ("site.zarr --position 999 0 --length 5 5", 1, "(999.0, 0.0) of length (5.0, 5.0) does no"),
         ("site.tif --position 1 nan --length 5 5", 1, "position: expected two finite numbers, got"),
-        (
-            "site.tif --position 1 2 --length -5 5",
-            1,
-            "length: expected no negative numbers, got",
-        ),
+        ("site.tif --position 1 2 --length -5 5", 1, "length: expected no negative numbers"),
         ("site.zarr --position 1 2", 2, f"{NEITHER} --position"),
-        ("site.zarr --length 5 5", 2, f"{NEITHER} --length"),
         ("site.zarr --lon 11", 2, f"{NEITHER} --lon"),
         ("site.zarr --lat 48 --length 5 5", 2, f"{NEITHER} --lat and --length"),
-        (
-            "site.tif --lat 95 --lon 11 --length 5 5",
-            2,
-            "--lat and --lon: expected a place in the ",
-        ),
+        ("site.tif --lat 95 --lon 11 --length 5 5", 2, "--lat and --lon: expected a place in"),
         ("site.npz --lat 48 --lon 11 --length 5 5", 1, "are for zarr and geotiff, and this is npz"),
         ("survey --position 1 2 --length 5 5", 2, "a rectangle needs one map of the bag: select"),
         ("site.zarr --most-shown 0", 2, "--most-shown: expected a positive number, got 0"),

@@ -76,45 +76,34 @@ def test_plot_thins_maps_larger_than_memory(command):
     assert len(np.unique(cv2.imread("map.png").reshape(-1, 3), axis=0)) > 20
 
 
-@pytest.mark.parametrize("ending", ["gif", "mp4"])
-def test_bag_becomes_an_animation(command, ending):
+def test_bag_becomes_an_animation(command):
     with BagWriter("many") as bag:
         for number in range(3):
             grid_map = GridMap((0.8, 0.6), 0.1, layers={"elevation": number})
             bag.write("/grid_map", grid_map, time=number * 10**9)
-    code, text, error = command(f"plot many map.{ending} --speed 2 --dpi 40 --lower 0")
-    assert (code, text, error.splitlines()[-1]) == (0, "", f"grid-map: map.{ending} is drawn")
-    video = cv2.VideoCapture(f"map.{ending}")
+    code, text, error = command("plot many map.mp4 --speed 2 --dpi 40 --lower 0")
+    assert (code, text, error.splitlines()[-1]) == (0, "", "grid-map: map.mp4 is drawn")
+    video = cv2.VideoCapture("map.mp4")
     assert [video.read()[0] for _ in range(4)] == [True, True, True, False]
-    assert command(f"plot many map.{ending}")[0] == 1
+    assert command("plot many map.mp4")[0] == 1
 
 
 @pytest.mark.parametrize(
     ("line", "code", "text"),
     [
         ("plot site.npz map.bmp", 2, "expected a name that ends in .jpg, .pdf, .png, .svg, .gif"),
-        ("plot site.npz site.npz", 2, "expected a name"),
         ("plot site.npz map.png --layer hight", 1, "no layer 'hight'; available: elevation"),
         ("plot site.npz map.png --dpi 5000", 2, "--dpi: expected a number from 10 to 1200"),
         ("plot site.npz map.png --lower -1e-3 --upper -inf", 1, "'upper': expected a finite"),
-        ("plot site.npz map.png --exaggeration nan", 1, "'exaggeration'"),
-        ("plot site.npz map.png --3d --max-drawn-cells 3", 1, "'max_drawn_cells'"),
         ("plot site.npz map.png --relief --max-drawn-cells 9", 2, "goes without --relief only"),
         ("plot site.npz map.png --color-layer a", 2, "--color-layer goes with --3d or --relief"),
         ("plot site.npz map.png --3d --hillshade slope", 2, "--hillshade goes without --3d"),
-        ("plot site.npz map.png --hillshade slope --no-hillshade", 2, "not allowed with"),
         ("plot site.npz map.gif", 1, "site.npz: expected a bag, which holds many maps"),
         ("plot survey map.gif --3d", 2, "--3d and --relief are for pictures"),
         ("plot survey map.mp4 --index 0", 2, "--index is for pictures"),
         ("plot survey map.png --speed 2", 2, "--speed is for .gif and .mp4"),
-        ("plot survey map.gif --speed 0", 1, "'speed': expected a positive number"),
         ("plot survey nowhere/map.mp4", 1, "nowhere/map.mp4: cannot be written: there is no fol"),
-        ("plot site.npz map.png --color-map virids", 1, "did you mean viridis"),
-        (
-            "plot site.npz nowhere/map.png",
-            1,
-            "nowhere/map.png: cannot be written: there is no folder nowhere",
-        ),
+        ("plot site.npz nowhere/map.png", 1, "nowhere/map.png: cannot be written: there is no fol"),
         ("plot survey map.png --topic /other", 1, "/grid_map"),
     ],
 )

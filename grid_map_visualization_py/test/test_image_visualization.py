@@ -8,7 +8,7 @@ from messages import drawn
 from sensor_msgs.msg import Image
 
 from grid_map_core_py import GridMap, color_vector_to_value
-from grid_map_core_py.testing import grid_maps, moved_in_buffer
+from grid_map_core_py.testing import grid_maps
 from grid_map_visualization_py.colors import MISSING
 
 
@@ -28,17 +28,6 @@ def test_every_pixel_is_the_cell_at_its_place(grid_map):
     order = np.argsort(values, axis=None)[: np.count_nonzero(~np.isnan(values))]
     assert (np.diff(image[..., 0].ravel()[order].astype(int)) >= 0).all()
     assert (image[..., 0] == image[..., 2]).all()
-
-
-def test_upper_left_pixel_has_the_largest_x_and_y():
-    grid_map = GridMap((2, 3), 1.0, layers={"a": [[0, 1, 2], [3, np.nan, 5]]}, frame_id="odom")
-    params = {"layer": "a", "color_map": "gray", "lower": 0, "upper": 5}
-    expected = [[0, 51, 102], [153, MISSING, 255]]
-    for m in (grid_map, moved_in_buffer(grid_map, (1, 2))):
-        message = drawn("image", m, **params)
-        np.testing.assert_allclose(pixels(message)[..., 1], expected, atol=1)
-    assert (message.encoding, message.header.frame_id) == ("rgb8", "odom")
-    assert (message.height, message.width, message.step) == (2, 3, 9)
 
 
 @pytest.mark.parametrize(

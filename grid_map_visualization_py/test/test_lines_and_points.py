@@ -2,10 +2,8 @@
 """Vectors against a loop over the cells, the outline of a map, and its point clouds."""
 
 import numpy as np
-import pytest
 from hypothesis import given, settings, strategies as st
-from messages import colors_of, drawn, fields_of, points_of
-from visualization_msgs.msg import Marker
+from messages import drawn, fields_of, points_of
 
 from grid_map_core_py import GridMap, map_cells
 from grid_map_core_py.testing import grid_maps
@@ -38,17 +36,6 @@ def test_basic_layers_do_not_matter_for_vectors():
     assert len(drawn("vectors", grid_map, **VECTORS).points) == 4
 
 
-def test_marker_has_frame_time_width_and_opaque_colors():
-    layers = dict.fromkeys(LAYERS, 1.0)
-    grid_map = GridMap((1, 1), 1.0, layers=layers, frame_id="odom", timestamp=3_000_000_007)
-    marker = drawn("vectors", grid_map, line_width=0.25, color=0xFF8000, **VECTORS)
-    assert (marker.header.frame_id, marker.ns) == ("odom", "vector")
-    assert (marker.header.stamp.sec, marker.header.stamp.nanosec) == (3, 7)
-    assert (marker.type, marker.action) == (Marker.LINE_LIST, Marker.ADD)
-    assert (marker.scale.x, marker.pose.orientation.w) == (0.25, 1.0)
-    np.testing.assert_allclose(colors_of(marker), [(1.0, 128 / 255, 0.0, 1.0)] * 2)
-
-
 @settings(max_examples=60)
 @given(grid_maps())
 def test_region_runs_once_around_the_map_and_closes(grid_map):
@@ -67,16 +54,7 @@ def test_map_without_layers_has_a_region_of_the_given_width():
     assert (len(marker.points), marker.scale.x) == (5, 0.1)
 
 
-@pytest.mark.parametrize(
-    ("type_name", "params", "basic_layers", "expected"),
-    [
-        ("point_cloud", {}, (), [[1, 0, 1], [-1, 0, 3]]),
-        ("point_cloud", {"layer": "missing", "flat": True}, (), [[1, 0, 0], [0, 0, 0], [-1, 0, 0]]),
-        ("flat_point_cloud", {"height": 2}, ("elevation",), [[1, 0, 2], [-1, 0, 2]]),
-    ],
-)
-def test_point_clouds_have_cells_with_finite_layers(type_name, params, basic_layers, expected):
+def test_flat_point_cloud_needs_no_heights():
     grid_map = GridMap((3, 1), 1.0, layers={"elevation": [[1.0], [np.nan], [3.0]]})
-    grid_map.basic_layers = basic_layers
-    assert fields_of(drawn(type_name, grid_map, **params), *"xyz").tolist() == expected
-    assert grid_map.layers == ("elevation",)
+    cloud = drawn("point_cloud", grid_map, layer="missing", flat=True)
+    assert fields_of(cloud, *"xyz").tolist() == [[1, 0, 0], [0, 0, 0], [-1, 0, 0]]

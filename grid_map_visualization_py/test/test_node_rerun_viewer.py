@@ -16,15 +16,15 @@ from typing import Any
 import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
-from geometry_msgs.msg import Point, PoseStamped
+from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Odometry, Path as PathMessage
-from std_msgs.msg import ColorRGBA, String
-from test_node_web_viewer import CHROMIUM, FLAGS, decoded, url_of
+from std_msgs.msg import Header, String
+from test_node_web_viewer import CHROMIUM, FLAGS, decoded, triangle, url_of
 from test_rerun_server import rerun
 from visualization_msgs.msg import Marker, MarkerArray
 
 from grid_map_core_py import GridMap
-from grid_map_ros_py import to_message
+from grid_map_ros_py import to_message, to_stamp
 from grid_map_ros_py.testing import Peer, Process, running, wait_until
 
 pytestmark = [pytest.mark.needs("rerun"), pytest.mark.timeout(900)]
@@ -65,12 +65,6 @@ def viewer(*program: str, **parameters: object) -> Iterator[Process]:
     with running(started(*program, **parameters)) as process:
         url_of(process)
         yield process
-
-
-def program_of(node: Process) -> int:
-    """Return the process of Rerun that a node has started."""
-    (child,) = Path(f"/proc/{node.pid}/task/{node.pid}/children").read_text().split()
-    return int(child)
 
 
 class Client:
@@ -162,8 +156,7 @@ def test_a_second_client_reads_what_was_published(peer, tmp_path):
         def has_come() -> bool:
             return all(name in reader.columns(entity) for entity, name in expected.items())
 
-        step = lambda: peer.spin(0.1)  # noqa: E731
-        wait_until(has_come, "all entities", step=step, timeout=PATIENCE)
+        peer.wait_until(has_come, "all entities")
         columns = reader.columns(image)
         (((data,),),) = [columns["Image:buffer"]]
         shown = np.array(data, np.uint8).view(np.float32).reshape(4, 6)
@@ -192,8 +185,7 @@ def test_bad_messages_are_dropped_and_counted(peer, tmp_path):
         wait_until(lambda: logged in node.text, "the line")
         peer.publish("/bad_map", to_message(slope()))
         entity = "/bad_map/layers/elevation"
-        step = lambda: peer.spin(0.1)  # noqa: E731
-        wait_until(lambda: reader.columns(entity), "the next", step=step, timeout=PATIENCE)
+        peer.wait_until(lambda: reader.columns(entity), "the next")
         refused = "/words is not shown: its type is std_msgs/msg/String"
         wait_until(lambda: refused in node.text, "the other line")
         # Other topics were not chosen.
@@ -234,7 +226,8 @@ def test_node_goes_on_while_rerun_hangs_and_ends_with_it(peer, number):
     try:
         url_of(process)
         peer.publish("/large", message)
-        program = program_of(process)
+        children = Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text()
+        program = int(children)
         os.kill(program, number)
         if number == signal.SIGKILL:
             assert process.wait(PATIENCE) == 1
@@ -262,23 +255,12 @@ def test_node_goes_on_while_rerun_hangs_and_ends_with_it(peer, number):
         process.stop()
 
 
-def triangle(number: int, x: float, **color: float) -> Marker:
-    """Return a marker above a map, near `x`."""
-    marker = Marker(id=number, ns="regions", type=Marker.TRIANGLE_LIST)
-    marker.header.frame_id = "odom"
-    marker.header.stamp.sec = 5
-    corners = (x - 0.12, 1.85), (x + 0.12, 1.85), (x, 2.2)
-    marker.points = [Point(x=a, y=b, z=0.05) for a, b in corners]
-    marker.color = ColorRGBA(**color, a=1.0)
-    return marker
-
-
 @pytest.mark.needs("playwright")
 def test_regions_replace_those_of_the_last_message(peer):
     playwright = pytest.importorskip("playwright.sync_api")
-    red, green, blue = (255, 0, 0), (0, 255, 0), (0, 0, 255)
-    ground = slope()
-    ground["elevation"] = 0.0
+    red, green, blue = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
+    place = {"frame_id": "odom", "timestamp": 5 * 10**9}
+    ground = GridMap((2.1, 2.1), 0.1, (1.0, 2.0), {"elevation": 0.0}, **place)
     with (
         viewer(topics="[/planar_regions,/grid_map]") as node,
         playwright.sync_playwright() as driver,
@@ -300,13 +282,15 @@ def test_regions_replace_those_of_the_last_message(peer):
 
         def publish(*markers: Marker) -> None:
             # All messages have the same time.
-            first = Marker(action=Marker.DELETEALL, header=triangle(0, 0.0).header)
-            peer.publish("/planar_regions", MarkerArray(markers=[first, *markers]))
+            messages = [Marker(action=Marker.DELETEALL), *markers]
+            for message in messages:
+                message.header = Header(frame_id="odom", stamp=to_stamp(5 * 10**9))
+            peer.publish("/planar_regions", MarkerArray(markers=messages))
 
         peer.publish("/grid_map", to_message(ground))
-        publish(triangle(1, 0.95, r=1.0), triangle(2, 1.25, g=1.0))
+        publish(triangle(0.6, red, number=1), triangle(1.4, green, number=2))
         wait_for([red, green], [blue])
-        publish(triangle(2, 1.25, g=1.0), triangle(3, 0.95, b=1.0))
+        publish(triangle(1.4, green, number=2), triangle(0.6, blue, number=3))
         wait_for([green, blue], [red])
         browser.close()
 

@@ -5,8 +5,7 @@ from typing import Any
 
 import numpy as np
 from messages import colors_of, fields_of, points_of
-from nav_msgs.msg import GridCells, OccupancyGrid
-from sensor_msgs.msg import Image, PointCloud2
+from nav_msgs.msg import GridCells
 from visualization_msgs.msg import Marker
 
 from grid_map_core_py import GridMap
@@ -28,17 +27,7 @@ PARAMETERS: dict[str, dict[str, Any]] = {
     "image": {"layer": "elevation", "color_map": "gray", "lower": 0, "upper": 3},
     "contours": {"layer": "elevation", "levels": [1, 2], "color": 0xFF0000},
 }
-MESSAGES = {
-    "point_cloud": PointCloud2,
-    "flat_point_cloud": PointCloud2,
-    "vectors": Marker,
-    "occupancy_grid": OccupancyGrid,
-    "grid_cells": GridCells,
-    "map_region": Marker,
-    "surface": Marker,
-    "image": Image,
-    "contours": Marker,
-}
+MESSAGES = {name: visualization.message_type for name, visualization in BUILT_IN.items()}
 
 
 def small_map() -> GridMap:
@@ -93,7 +82,7 @@ def assert_as_computed_by_hand(last: dict[str, Any]) -> None:
 
 
 def test_every_type_equals_a_manual_calculation(peer, arguments):
-    assert PARAMETERS.keys() == MESSAGES.keys() == BUILT_IN.keys()
+    assert PARAMETERS.keys() == MESSAGES.keys()
     unmoved = GridMap((2, 2), 1.0, layers={"elevation": 1.0})
     without_normals = sorted(MESSAGES.keys() - {"vectors"})
     outputs = {name: {"type": name, "params": params} for name, params in PARAMETERS.items()}

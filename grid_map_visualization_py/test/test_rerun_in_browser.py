@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 import cv2
 import numpy as np
 import pytest
-from test_node_web_viewer import CHROMIUM, FLAGS, PATIENCE, PICTURES, decoded
+from test_node_web_viewer import CHROMIUM, FLAGS, PATIENCE, PICTURES, decoded, share
 
 from grid_map_core_py import GridMap
 from grid_map_ros_py import save_to_bag
@@ -79,10 +79,6 @@ class Page:
             cv2.imwrite(str(PICTURES / "rerun_failed.png"), pictures[-1][..., ::-1])
             raise
         return pictures[-1]
-
-
-def share(picture: np.ndarray, color: tuple[int, int, int], tolerance: int = 12) -> float:
-    return float((np.abs(picture.astype(int) - color) <= tolerance).all(axis=-1).mean())
 
 
 def is_like(pixel: np.ndarray, color: tuple[int, int, int]) -> bool:

@@ -80,26 +80,19 @@ def address_of(text: str) -> str:
     return socket.inet_ntop(socket.AF_INET6, words)
 
 
-def environment(home: Path) -> dict[str, str]:
-    """Return the environment of a user with a home of its own.
-
-    Rerun writes nothing where the variable `CI` is set.
-    """
-    variables = {**os.environ, "HOME": str(home), "XDG_CONFIG_HOME": "", "XDG_DATA_HOME": ""}
-    variables.pop("CI", None)
-    return variables
-
-
 @pytest.fixture
 def started(tmp_path: Path) -> Iterator[tuple[subprocess.Popen[str], int, str]]:
     """A program that serves, with a home of its own; the process of `rerun`; and the address."""
+    variables = {**os.environ, "HOME": str(tmp_path), "XDG_CONFIG_HOME": "", "XDG_DATA_HOME": ""}
+    # Where it is set, Rerun writes nothing.
+    variables.pop("CI", None)
     with subprocess.Popen(
         [sys.executable, "-c", MAKE],
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
         text=True,
-        env=environment(tmp_path),
+        env=variables,
     ) as program:
         pid, url = program.stdout.readline().split()
         yield program, int(pid), url
@@ -221,27 +214,11 @@ def test_reader_that_takes_nothing_does_not_block_others(monkeypatch):
         wait_until(lambda: received[0] > before + len(noise), "more data", step=publish)
 
 
-def test_programs_read_the_recording_through_the_same_port(started, tmp_path):
-    path = tmp_path / "saved.rrd"
-    url = started[2].replace("http://", "rerun+http://") + "/proxy"
-    options = "--save", path, "--port", "0", "--bind", "127.0.0.1", url
-    with subprocess.Popen([rerun(), *options], stderr=subprocess.DEVNULL) as program:
-        try:
-            wait_until(lambda: "TextDocument:text" in printed(path), "the text")
-        finally:
-            program.kill()
-
-
 def rerun() -> Path:
     """Return the program of Rerun."""
     import rerun_cli
 
     return Path(rerun_cli.__file__).with_name("rerun")
-
-
-def printed(path: Path) -> str:
-    command = [rerun(), "rrd", "print", path]
-    return subprocess.run(command, capture_output=True, text=True, check=False).stdout
 
 
 def test_errors_are_one_line(monkeypatch):

@@ -12,7 +12,7 @@ from visualization_msgs.msg import Marker
 
 from grid_map_core_py import GridMap, color_vector_to_value
 from grid_map_core_py.testing import grid_maps
-from grid_map_visualization_py.colors import MISSING, Coloring
+from grid_map_visualization_py.colors import Coloring
 from grid_map_visualization_py.surface import Mesh, Surface
 
 GRAY = Coloring("flat", color=0x102030)
@@ -35,22 +35,18 @@ def area_seen_from_above(triangles: np.ndarray) -> np.ndarray:
 
 @settings(max_examples=60)
 @given(grid_maps(("z",), max_side=6))
-def test_every_square_with_three_heights_is_covered_and_nothing_else(grid_map):
-    triangles = Surface(grid_map, "z").mesh(GRAY)
-    corners = corners_of(triangles)
-    assert len(corners) == len(expected_triangles(grid_map.unwrapped("z")))
+def test_squares_become_triangles_along_the_flatter_diagonal(grid_map):
+    expected = expected_triangles(grid_map.unwrapped("z"))
+    assert triangles_of(grid_map) == expected
+    mesh = Surface(grid_map, "z").mesh(GRAY)
+    corners = corners_of(mesh)
+    assert len(corners) == len(expected)
     cell_area = grid_map.resolution**2
     np.testing.assert_allclose(area_seen_from_above(corners), cell_area, rtol=1e-3)
-    assert np.isfinite(triangles.vertices).all()
-    assert len(triangles.vertices) == np.count_nonzero(np.isfinite(grid_map["z"]))
-
-
-@settings(max_examples=40)
-@given(grid_maps(("z",), max_side=6))
-def test_marker_and_mesh_are_the_same_triangles(grid_map):
+    assert np.isfinite(mesh.vertices).all()
+    assert len(mesh.vertices) == len(mesh.colors) == np.count_nonzero(np.isfinite(grid_map["z"]))
     marker = points_of(drawn(grid_map, height_layer="z"))
-    mesh = corners_of(Surface(grid_map, "z").mesh(GRAY)).reshape(-1, 3)
-    np.testing.assert_allclose(marker, mesh, rtol=1e-5, atol=1e-5)
+    np.testing.assert_allclose(marker, corners.reshape(-1, 3), rtol=1e-5, atol=1e-5)
 
 
 def expected_triangles(heights: np.ndarray) -> set[frozenset[tuple[int, int]]]:
@@ -75,12 +71,6 @@ def triangles_of(grid_map: GridMap) -> set[frozenset[tuple[int, int]]]:
     return {frozenset(map(tuple, corners)) for corners in np.stack([rows, columns], -1).tolist()}
 
 
-@settings(max_examples=60)
-@given(grid_maps(("z",), max_side=6))
-def test_squares_are_split_along_the_flatter_diagonal(grid_map):
-    assert triangles_of(grid_map) == expected_triangles(grid_map.unwrapped("z"))
-
-
 @pytest.mark.parametrize("turn", [np.asarray, np.fliplr])
 def test_ridges_along_either_diagonal_stay_straight(turn):
     row, column = np.indices((7, 7))
@@ -91,34 +81,15 @@ def test_ridges_along_either_diagonal_stay_straight(turn):
         assert sum(set(ends) <= corners for corners in triangles) == 2
 
 
-def test_four_cells_are_two_triangles():
-    grid_map = GridMap((2, 2), 1.0, (10.0, 0.0), {"z": [[1, 2], [3, 4]]}, frame_id="odom")
+def test_flat_color_and_opacity_are_those_of_all_triangles():
+    grid_map = GridMap((2, 2), 1.0, layers={"z": 0.0}, frame_id="odom")
     paint = {"color_mode": "flat", "color_layer": "not needed", "color": 0xFF8000, "opacity": 0.5}
     marker = drawn(grid_map, height_layer="z", **paint)
-    assert points_of(marker).tolist() == [
-        [10.5, 0.5, 1.0],
-        [9.5, 0.5, 3.0],
-        [10.5, -0.5, 2.0],
-        [9.5, 0.5, 3.0],
-        [9.5, -0.5, 4.0],
-        [10.5, -0.5, 2.0],
-    ]
     expected = np.array([1.0, 128 / 255, 0.0, 0.5], np.float32)
     np.testing.assert_allclose(colors_of(marker), np.tile(expected, (6, 1)), rtol=1e-6)
     assert (marker.type, marker.action, marker.ns) == (Marker.TRIANGLE_LIST, Marker.ADD, "surface")
     assert (marker.scale.x, marker.scale.y, marker.scale.z) == (1.0, 1.0, 1.0)
     assert (marker.header.frame_id, marker.pose.orientation.w) == ("odom", 1.0)
-
-
-@pytest.mark.parametrize(
-    ("size", "value"), [((1, 1), 1.0), ((1, 5), 1.0), ((5, 1), 1.0), ((4, 3), np.nan)]
-)
-def test_map_of_one_row_or_without_heights_has_no_triangles(size, value):
-    grid_map = GridMap(size, 1.0, layers={"z": value})
-    mesh = Surface(grid_map, "z").mesh(GRAY)
-    vertices = size[0] * size[1] if value == 1.0 else 0
-    assert (len(mesh.faces), len(mesh.vertices), len(mesh.colors)) == (0, vertices, vertices)
-    assert drawn(grid_map, height_layer="z").points == []
 
 
 def test_flat_surface_has_the_holes_of_its_heights():
@@ -163,15 +134,12 @@ def test_colors_come_from_heights_or_the_color_layer():
     assert color_at(fixed, 0.5, -0.5)[0] == pytest.approx(2 / 3, abs=1 / 255)
 
 
-def test_packed_colors_are_shown_unchanged_and_gray_where_missing():
-    colors = color_vector_to_value([[(255, 0, 0), (0, 255, 0)], [(1, 2, 3), (0, 0, 0)]])
-    colors[1, 1] = np.nan
+def test_packed_colors_are_shown_unchanged():
+    colors = color_vector_to_value([[(255, 0, 0), (0, 255, 0)], [(0, 0, 255), (0, 0, 0)]])
     grid_map = GridMap((2, 2), 1.0, layers={"z": 0.0, "color": colors})
     marker = drawn(grid_map, height_layer="z", color_mode="color", color_layer="color")
     assert color_at(marker, 0.5, 0.5).tolist() == [1, 0, 0, 1]
     assert color_at(marker, 0.5, -0.5).tolist() == [0, 1, 0, 1]
-    np.testing.assert_allclose(color_at(marker, -0.5, 0.5)[:3] * 255, [1, 2, 3], rtol=1e-6)
-    np.testing.assert_allclose(color_at(marker, -0.5, -0.5)[:3] * 255, MISSING, rtol=1e-6)
 
 
 # --- large maps -----------------------------------------------------------------------------------
