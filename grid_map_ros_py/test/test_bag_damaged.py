@@ -101,24 +101,6 @@ def test_damaged_chunk_is_refused(path, compression, data, size, checksum, reaso
         BagReader(path, TOPIC)
 
 
-def test_record_longer_than_the_file_is_refused(path):
-    data = bytearray(write_mcap(path, [1], use_chunking=False).read_bytes())
-    data[9:17] = struct.pack("<Q", 2**63)
-    data[-28:-20] = bytes(8)  # no summary: the file is scanned
-    path.write_bytes(data)
-    with pytest.raises(BagError, match="no whole record at 8"):
-        load_from_bag(path)
-
-
-def test_invalid_message_names_its_file_and_number(path):
-    data = write_mcap(path, [1, 2], use_chunking=False, enable_crcs=False).read_bytes()
-    path.write_bytes(data.replace(b"\x04\x00\x00\x00map\x00", b"\xff\xff\xff\x7fmap\x00"))
-    with BagReader(path) as reader:
-        assert len(reader) == 2
-        with pytest.raises(BagError, match=rf"{path}: map 1 on /grid_map: .*frame_id"):
-            reader[1].grid_map()
-
-
 # --- recovery -------------------------------------------------------------------------------------
 
 NUMBERS = [1, 2, 3, 4, 5, 6]
@@ -218,15 +200,13 @@ def test_database_that_is_no_bag_is_refused(path, statement, reason):
         ("rosbag2_bagfile_information: 3", "is missing"),
         ("rosbag2_bagfile_information: {a: b}", "expected a list of names"),
         ("rosbag2_bagfile_information: {relative_file_paths: []}", "expected a list"),
-        ("rosbag2_bagfile_information: {relative_file_paths: [a]}", "its file a is missing"),
         ("rosbag2_bagfile_information: {relative_file_paths: ['']}", "is missing"),
         ("{", "no valid YAML"),
-        (b"\xff\xfe\xff", "no valid YAML"),
     ],
-    ids=range(8),
+    ids=range(6),
 )
 def test_damaged_metadata_is_refused(bag, text, reason):
-    (bag / "metadata.yaml").write_bytes(text if isinstance(text, bytes) else text.encode())
+    (bag / "metadata.yaml").write_text(text)
     with pytest.raises(GridMapError, match=rf"{bag}.*{reason}"):
         load_from_bag(bag)
 
@@ -239,9 +219,9 @@ def test_error_of_caller_leaves_the_old_bag(tmp_path):
 
     def maps():
         yield numbered_map(2)
-        raise ZeroDivisionError("of the caller")
+        raise OSError("of the caller")
 
-    with pytest.raises(ZeroDivisionError, match="of the caller"):
+    with pytest.raises(OSError, match="of the caller"):
         save_to_bag(maps(), tmp_path / "bag", TOPIC)
     assert number_of(load_from_bag(tmp_path / "bag")) == 1
     assert [entry.name for entry in tmp_path.iterdir()] == ["bag"]
