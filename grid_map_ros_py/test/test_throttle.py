@@ -48,8 +48,3 @@ def test_texts_that_always_differ_do_not_flood_the_log(throttle: LogThrottle, lo
         throttle.error(f"found {number}")
         log.time += 0.01
     assert len(log.lines) == 2 * throttle.LIMIT
-
-
-def test_long_texts_are_cut(throttle: LogThrottle, log: Log) -> None:
-    throttle.error("ab" * 10**6)
-    assert len(log.lines[0]) == 500
