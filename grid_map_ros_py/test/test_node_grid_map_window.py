@@ -11,6 +11,7 @@ import pytest
 from diagnostic_msgs.msg import DiagnosticArray
 from nav_msgs.msg import Odometry
 from sites import make_site
+from test_poses import pose
 
 from conftest import arguments
 from grid_map_core_py import GridGeometry, GridMap
@@ -25,12 +26,7 @@ pytestmark = pytest.mark.needs("xarray", "zarr", "dask")
 
 
 def odometry(x: float, y: float, stamp: int = 8, frame_id: str = "map") -> Odometry:
-    message = Odometry()
-    message.header.frame_id = frame_id
-    message.header.stamp = to_stamp(stamp)
-    message.pose.pose.position.x, message.pose.pose.position.y = x, y
-    message.pose.pose.orientation.w = 1.0
-    return message
+    return pose(1e-9 * stamp, x, y, kind=Odometry, frame_id=frame_id)
 
 
 def options(path: Path, **parameters: Any) -> list[str]:

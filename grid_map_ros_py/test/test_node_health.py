@@ -39,24 +39,6 @@ def test_idle_node_reports_while_its_clock_stands_still(start: Start, report) ->
         assert values(found)["maps in"] == "0"
 
 
-@pytest.mark.parametrize(
-    ("habit", "text"),
-    [
-        ("misconfigured", "filter 3 'smooth': unknown parameter 'radiu'"),
-        ("buggy", "a bug"),
-        ("gives up", "the battery is empty"),
-        ("buggy while it lives", "a bug"),
-    ],
-)
-def test_node_that_fails_reports_why_before_it_ends(
-    start: Start, report, habit: str, text: str
-) -> None:
-    process = start("living.py", habit)
-    (found,) = report().status
-    assert (found.name, found.level, found.message) == ("being", DiagnosticStatus.ERROR, text)
-    assert process.wait() == 1
-
-
 def test_flood_of_wrong_maps_is_counted_in_few_short_lines(
     other_side: Peer, tmp_path: Path
 ) -> None:

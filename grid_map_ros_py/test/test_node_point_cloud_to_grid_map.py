@@ -6,10 +6,10 @@ import math
 import numpy as np
 from clouds import xyz_cloud
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from geometry_msgs.msg import Quaternion
 from nav_msgs.msg import Odometry
 from rclpy.qos import qos_profile_sensor_data
 from sensor_msgs.msg import PointCloud2
+from test_poses import pose
 
 from conftest import arguments
 from grid_map_core_py import GridMap
@@ -55,13 +55,7 @@ class Robot:
         self._clouds.publish(cloud)
 
     def odometry(self, step: int) -> Odometry:
-        x, y, yaw = self.pose(step)
-        message = Odometry()
-        message.header.frame_id = "odom"
-        message.header.stamp = to_stamp(step)
-        message.pose.pose.position.x, message.pose.pose.position.y = x, y
-        message.pose.pose.orientation = Quaternion(z=math.sin(yaw / 2), w=math.cos(yaw / 2))
-        return message
+        return pose(1e-9 * step, *self.pose(step), Odometry)
 
     def cloud(self, step: int) -> PointCloud2:
         """Return the cells around the robot in the frame of its sensor, which looks to the left."""

@@ -8,9 +8,10 @@ import time
 from pathlib import Path
 
 import pytest
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 
 from conftest import NODES, Start
-from grid_map_ros_py.testing import Process, wait_until
+from grid_map_ros_py.testing import Peer, Process, wait_until
 
 INTERRUPTED_IMPORT = """
 import os, signal, sys
@@ -54,8 +55,10 @@ def interrupt_until_it_ends(process: Process) -> None:
     wait_until(lambda: not process.is_running, "its end", step=interrupt)
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
-@pytest.mark.parametrize("habit", ["idle", "busy", "slow"])
+@pytest.mark.parametrize(
+    ("habit", "number"),
+    [("idle", signal.SIGTERM), ("busy", signal.SIGINT), ("slow", signal.SIGHUP)],
+)
 def test_signal_ends_the_node_with_exit_code_0(
     start: Start, habit: str, number: signal.Signals
 ) -> None:
@@ -90,33 +93,31 @@ def test_interrupt_during_imports_leaves_no_traceback() -> None:
 
 
 @pytest.mark.parametrize(
-    ("habit", "message"),
+    ("habit", "message", "exception"),
     [
-        ("misconfigured", "filter 3 'smooth': unknown parameter 'radiu'"),
-        ("misnamed", "Invalid topic name: topic name must not .*: 'no topic'"),
-        ("gives up", "the battery is empty"),
+        ("misconfigured", "filter 3 'smooth': unknown parameter 'radiu'", ""),
+        ("misnamed", "Invalid topic name: topic name must not .*: 'no topic'", ""),
+        ("gives up", "the battery is empty", ""),
+        ("buggy", "a bug", "ZeroDivisionError"),
+        ("buggy while it lives", "a bug", "grid_map_core_py.errors.GridMapError"),
     ],
 )
-def test_failing_node_logs_one_error_and_fails(start: Start, habit: str, message: str) -> None:
+def test_failing_node_logs_and_reports_one_error(
+    start: Start, other_side: Peer, habit: str, message: str, exception: str
+) -> None:
+    other_side.listen("/diagnostics", DiagnosticArray, 10)
     process = start("living.py", habit)
+    (found,) = other_side.expect("/diagnostics").status
+    assert (found.name, found.level) == ("being", DiagnosticStatus.ERROR)
+    assert re.fullmatch(message, found.message)
     assert process.wait() == 1
-    (line,) = [line for line in process.lines if line not in ("alive\n", "destroyed\n")]
-    assert re.fullmatch(rf"\[FATAL\] .*\[being\]: {message}\n", line)
-
-
-@pytest.mark.parametrize(
-    ("habit", "error"),
-    [
-        ("buggy", "ZeroDivisionError"),
-        ("buggy while it lives", "grid_map_core_py.errors.GridMapError"),
-    ],
-)
-def test_unexpected_exception_keeps_its_traceback(start: Start, habit: str, error: str) -> None:
-    process = start("living.py", habit)
-    assert process.wait() == 1
-    assert "Traceback" in process.text
-    assert "FATAL" not in process.text
-    assert f"{error}: a bug\n" in process.text
+    if exception:
+        assert "Traceback" in process.text
+        assert "FATAL" not in process.text
+        assert f"{exception}: {message}\n" in process.text
+    else:
+        (line,) = [line for line in process.lines if line not in ("alive\n", "destroyed\n")]
+        assert re.fullmatch(rf"\[FATAL\] .*\[being\]: {message}\n", line)
 
 
 def test_given_parameters_that_are_not_used_are_warned_of(start: Start, tmp_path: Path) -> None:
