@@ -11,6 +11,7 @@ from hypothesis import given, settings, strategies as st
 from rclpy.serialization import serialize_message
 from test_cdr import assert_encodes
 from test_grid_map import maps, sample_map
+from wire import assert_identical
 
 from conftest import peak_memory
 from grid_map_core_py import GridMap, OutOfMapError
@@ -25,14 +26,6 @@ from grid_map_ros_py import (
     to_message,
     to_serialized_message,
 )
-
-
-def buffers_equal(actual: GridMap, expected: GridMap) -> bool:
-    """Return whether two maps store bit-identical layers from the same start index."""
-    return actual.start_index == expected.start_index and all(
-        np.array_equal(actual[name].view(np.uint32), expected[name].view(np.uint32))
-        for name in (*actual, *expected)
-    )
 
 
 @settings(max_examples=60)
@@ -50,8 +43,7 @@ def test_bytes_of_rclpy_are_read_like_its_message(
     options: Any = {"layers": layers, "copy_basic_layers": copy_basic_layers, "unwrap": unwrap}
     received = from_serialized_message(serialize_message(message), **options)
     expected = from_message(message, **options)
-    assert_maps_equal(received, expected)
-    assert buffers_equal(received, expected)
+    assert_identical(received, expected)
 
 
 @settings(max_examples=60)
@@ -74,7 +66,7 @@ def test_start_index_beyond_the_map_is_refused() -> None:
 def test_map_without_a_copy_shares_the_message(grid_map: GridMap) -> None:
     data = to_serialized_message(grid_map)
     received = from_serialized_message(data, unwrap=False, copy=False)
-    assert buffers_equal(received, grid_map)
+    assert_identical(received, grid_map)
     memory = np.frombuffer(data, np.uint8)
     for name in received:
         assert not received[name].flags.writeable

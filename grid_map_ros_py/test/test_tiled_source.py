@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings, strategies as st
+from hypothesis import given, strategies as st
 from sites import make_site
 
 from grid_map_core_py import GridMap, LimitError
@@ -25,7 +25,6 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> tuple[TiledMap, GridMap]:
     return open_map(path), whole
 
 
-@settings(deadline=None)
 @given(
     st.tuples(st.integers(-30, 430), st.integers(-30, 280)),
     st.tuples(st.integers(1, 40), st.integers(1, 40)),

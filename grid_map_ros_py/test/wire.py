@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Messages on their way from sender to receiver: serialized by rclpy, or with one field spoilt."""
+"""Messages on their way to a receiver, serialized or with one field spoilt, and received maps."""
 
 import array
 from typing import Any, TypeVar
@@ -8,12 +8,23 @@ import numpy as np
 from rclpy.serialization import deserialize_message, serialize_message
 from std_msgs.msg import Float32MultiArray, MultiArrayDimension, MultiArrayLayout
 
+from grid_map_core_py import GridMap
+from grid_map_core_py.testing import assert_maps_equal
+
 Message = TypeVar("Message")
 
 
 def over_the_wire(message: Message) -> Message:
     received: Message = deserialize_message(serialize_message(message), type(message))
     return received
+
+
+def assert_identical(actual: GridMap, expected: GridMap) -> None:
+    """Assert that two maps are equal and store the same bits from the same start index."""
+    assert_maps_equal(actual, expected)
+    assert actual.start_index == expected.start_index
+    for layer in expected:
+        assert actual[layer].tobytes("F") == expected[layer].tobytes("F")
 
 
 def set_field(message: Any, path: str, value: Any) -> None:
