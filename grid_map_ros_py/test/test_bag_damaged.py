@@ -33,12 +33,6 @@ def path(tmp_path) -> Path:
     return tmp_path / "file"
 
 
-@pytest.fixture
-def bag(tmp_path) -> Path:
-    save_to_bag(numbered_map(1), tmp_path / "bag", TOPIC)
-    return tmp_path / "bag"
-
-
 # --- damaged files --------------------------------------------------------------------------------
 
 FILES = {
@@ -195,7 +189,9 @@ def test_database_that_is_no_bag_is_refused(path, statement, reason):
     ],
     ids=range(6),
 )
-def test_damaged_metadata_is_refused(bag, text, reason):
+def test_damaged_metadata_is_refused(tmp_path, text, reason):
+    bag = tmp_path / "bag"
+    save_to_bag(numbered_map(1), bag, TOPIC)
     (bag / "metadata.yaml").write_text(text)
     with pytest.raises(GridMapError, match=rf"{bag}.*{reason}"):
         load_from_bag(bag)

@@ -1,11 +1,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Messages and bags that claim much are refused before they take memory, by library and nodes."""
 
-import array
 from collections.abc import Callable
 from typing import Any
 
-import nav2_stand_in
 import pytest
 from bags import TOPIC, numbered_map, write_bag
 
@@ -23,6 +21,7 @@ from grid_map_ros_py import (
     load_from_bag,
     load_octomap,
     save_to_bag,
+    to_costmap,
     to_grid_cells,
     to_image,
     to_message,
@@ -36,17 +35,11 @@ SMALL = numbered_map(1)
 CELLS = r"expected at most 19 cells, got [45] x [45]"
 
 
-def costmap() -> nav2_stand_in.Costmap:
-    message = nav2_stand_in.Costmap(data=array.array("B", bytes(20)))
-    message.metadata.resolution, message.metadata.size_x, message.metadata.size_y = 0.5, 4, 5
-    return message
-
-
 READERS: dict[str, Callable[[], Any]] = {
     "GridMap": lambda: from_message(to_message(SMALL)),
     "bytes": lambda: from_serialized_message(to_serialized_message(SMALL, [])),
     "OccupancyGrid": lambda: from_occupancy_grid(to_occupancy_grid(SMALL, "elevation", 0, 1), "a"),
-    "Costmap": lambda: from_costmap(costmap(), "a"),
+    "Costmap": lambda: from_costmap(to_costmap(SMALL, "elevation"), "a"),
     "GridCells": lambda: from_grid_cells(to_grid_cells(SMALL, "elevation", 0, 9), "a"),
     "Image": lambda: from_image(to_image(SMALL, "elevation", "mono8"), "a", 0.1),
     "PointCloud2": lambda: from_point_cloud(
@@ -55,6 +48,7 @@ READERS: dict[str, Callable[[], Any]] = {
 }
 
 
+@pytest.mark.usefixtures("nav2")
 @pytest.mark.parametrize("kind", READERS)
 def test_maps_of_messages_have_at_most_max_cells(kind):
     with changed_limits(max_cells=19), pytest.raises(LimitError, match=CELLS):

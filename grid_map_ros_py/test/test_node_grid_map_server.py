@@ -15,7 +15,7 @@ from grid_map_msgs.msg import GridMap as GridMapMessage
 from grid_map_msgs.srv import GetGridMap, GetGridMapInfo, ProcessFile, SetGridMap
 from grid_map_ros_py import from_message, to_message
 from grid_map_ros_py.bags import load_from_bag, save_to_bag
-from grid_map_ros_py.testing import Peer, peer, running_node, start_node
+from grid_map_ros_py.testing import Peer, peer, running_node
 
 MODULE = "grid_map_ros_py._executables.grid_map_server"
 SERVICES = {
@@ -98,22 +98,19 @@ def test_refused_request_is_logged_and_changes_nothing(other_side: Peer, tmp_pat
         assert reason in node.text
 
 
-def test_killed_server_starts_again_with_its_bag(other_side: Peer, tmp_path: Path) -> None:
+def test_server_starts_again_with_its_bag(other_side: Peer, tmp_path: Path) -> None:
     save_to_bag(map_of(1), tmp_path / "bag", "/map")
     options = arguments(directory=tmp_path, file_path=tmp_path / "bag", output_topic="/kept")
     other_side.listen("/kept", GridMapMessage)
     published = other_side.received["/kept"]
     for _ in range(2):
         published.clear()
-        node = start_node(MODULE, *options)
-        try:
+        with running_node(MODULE, *options):
             assert_maps_equal(from_message(other_side.expect("/kept")), map_of(1))
-            # For a while, discovery still lists a server that was killed.
+            # For a while, discovery still lists the earlier server.
             with peer() as newcomer:
                 ask(newcomer, "set_grid_map", map=to_message(map_of(2)))
             assert_maps_equal(from_message(other_side.expect("/kept", 2)), map_of(2))
-        finally:
-            node.stop()
 
 
 @pytest.mark.needs("xarray", "zarr", "dask")

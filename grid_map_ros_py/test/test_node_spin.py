@@ -28,14 +28,6 @@ def wait_until_alive(process: Process) -> None:
     assert process.lines == ["alive\n"]
 
 
-def interrupt_until_it_ends(process: Process) -> None:
-    def interrupt() -> None:
-        process.send_signal(signal.SIGINT)
-        time.sleep(0.01)  # Thousands of interrupts would also disturb Python itself.
-
-    wait_until(lambda: not process.is_running, "its end", step=interrupt)
-
-
 @pytest.mark.parametrize(
     ("habit", "number"),
     [("idle", signal.SIGTERM), ("busy", signal.SIGINT), ("slow", signal.SIGHUP)],
@@ -54,9 +46,13 @@ def test_signal_ends_the_node_with_exit_code_0(
 def test_further_interrupts_end_stuck_callbacks_and_change_nothing_else(
     start: Start, habit: str
 ) -> None:
+    def interrupt() -> None:
+        process.send_signal(signal.SIGINT)
+        time.sleep(0.01)  # Thousands of interrupts would also disturb Python itself.
+
     process = start("living.py", habit)
     wait_until_alive(process)
-    interrupt_until_it_ends(process)
+    wait_until(lambda: not process.is_running, "its end", step=interrupt)
     assert process.wait() == 0
     assert process.lines == ["alive\n", "destroyed\n"]
 

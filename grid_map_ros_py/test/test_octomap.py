@@ -4,6 +4,7 @@ import itertools
 import json
 import math
 import struct
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -193,14 +194,10 @@ FULL = read(CASES[0], "full")
 DEEP = struct.pack("<H", 3) * 16 + struct.pack("<H", 2)
 
 
-def changed(octomap: Octomap, **changes: Any) -> Octomap:
-    return Octomap(**{**vars(octomap), **changes})
-
-
 MALFORMED = {
-    "cut off": (changed(GOOD, data=GOOD.data[:-2]), r"data: expected \d+ more nodes of the tree"),
-    "cut in two": (changed(GOOD, data=GOOD.data[:-1]), "data: expected nodes of 2 bytes, got"),
-    "more follows": (changed(GOOD, data=GOOD.data * 2), "bytes, where the tree ends, got '888"),
+    "cut off": (replace(GOOD, data=GOOD.data[:-2]), r"data: expected \d+ more nodes of the tree"),
+    "cut in two": (replace(GOOD, data=GOOD.data[:-1]), "data: expected nodes of 2 bytes, got"),
+    "more follows": (replace(GOOD, data=GOOD.data * 2), "bytes, where the tree ends, got '888"),
     "too deep": (message(DEEP), "data: expected nodes of at most depth 15, got 16"),
     "very deep": (message(DEEP[:-2] * 9999 + DEEP[-2:]), "nodes of at most depth 15, got"),
     "no children": (message(b"\0\0"), "data: expected inner nodes with children, got 'one with"),
@@ -208,10 +205,10 @@ MALFORMED = {
         message(struct.pack("<fB", math.nan, 0), binary=False),
         "data: expected log-odds that are numbers, got nan",
     ),
-    "other tree": (changed(FULL, id="SurfelTree"), "id: expected one of OcTree, .*'SurfelTree'"),
-    "flag": (changed(GOOD, binary=False), "data: expected"),
-    "no resolution": (changed(GOOD, resolution=0.0), "resolution: expected the side of a voxel"),
-    "inf resolution": (changed(GOOD, resolution=math.inf), "resolution: expected the side"),
+    "other tree": (replace(FULL, id="SurfelTree"), "id: expected one of OcTree, .*'SurfelTree'"),
+    "flag": (replace(GOOD, binary=False), "data: expected"),
+    "no resolution": (replace(GOOD, resolution=0.0), "resolution: expected the side of a voxel"),
+    "inf resolution": (replace(GOOD, resolution=math.inf), "resolution: expected the side"),
     "huge": (
         message(write_binary({(0,) * 16: True, (7,) * 16: True})),
         "extent: expected at most 16000000 cells, got 65536 x 65536",

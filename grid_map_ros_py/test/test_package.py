@@ -12,7 +12,6 @@ from grid_map_ros_py.testing import Process, peer, running
 
 CONVERSIONS_ALONE = """
 import sys
-import numpy as np
 from grid_map_core_py import GridMap, Polygon
 import grid_map_ros_py as ros
 
@@ -41,7 +40,7 @@ sys.meta_path.insert(0, NoMessages())
 from grid_map_core_py import GridMap
 from grid_map_core_py.errors import MissingPackageError
 import grid_map_ros_py as ros
-from grid_map_ros_py import messages
+from grid_map_ros_py import bags, errors, messages
 
 grid_map = GridMap((1, 1), 0.25, layers={"elevation": 1.0}, frame_id="map", timestamp=3)
 grid_map.move((0.5, 0.25))
@@ -55,7 +54,7 @@ except MissingPackageError as error:
 """
 
 
-def test_received_maps_need_no_message_package():
+def test_import_needs_no_message_package():
     result = subprocess.run(
         [sys.executable, "-c", WITHOUT_MESSAGES], capture_output=True, text=True, check=False
     )

@@ -42,8 +42,7 @@ def row_major(values: np.ndarray, *, data_offset: int = 0) -> Float32MultiArray:
         MultiArrayDimension(label="row_index", size=rows, stride=rows * columns),
         MultiArrayDimension(label="column_index", size=columns, stride=columns),
     ]
-    flat = [float(values[row, column]) for row in range(rows) for column in range(columns)]
     return Float32MultiArray(
         layout=MultiArrayLayout(dim=dim, data_offset=data_offset),
-        data=array.array("f", [-1.0] * data_offset + flat),
+        data=array.array("f", [-1.0] * data_offset + values.ravel("C").tolist()),
     )
