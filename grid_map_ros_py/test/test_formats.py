@@ -124,6 +124,7 @@ def test_one_map_is_the_last_or_the_chosen_one(command):
 @pytest.mark.parametrize(
     ("line", "code", "text"),
     [
+        ("info two --topic /none", 1, "no topic '/none'; topics: /one"),
         ("inspect two", 1, "2 topics of maps, name one"),
         ("inspect site.npz --index 1", 2, "--index is for bag, and this is npz"),
         ("convert site.npz survey", 1, "survey: already exists; --force replaces it"),

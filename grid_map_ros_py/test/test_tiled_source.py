@@ -64,7 +64,7 @@ def test_rasters_are_sources_in_a_frame_with_an_origin(tmp_path):
     found = window(site, place, (4, 8), ["elevation"])
     assert found.frame_id == "odom"
     np.testing.assert_array_equal(found["elevation"], values[38:42, 26:34])
-    local = open_source(paths, "odom", site.latitude_longitude_of(place))
+    local = open_source(paths, "odom", tuple(site.latitude_longitude_of(place)))
     again = window(local, (0.0, 0.0), (4, 8), ["elevation"])
     np.testing.assert_array_equal(again["elevation"], found["elevation"])
     np.testing.assert_allclose(again.position, (0.0, 0.0), atol=0.01)
