@@ -15,8 +15,6 @@ DATA = Path(__file__).parent / "data"
 TOPIC = "/grid_map"
 SECOND = 1_000_000_000
 
-RECORDED_MOVES = ["cpp_move_mcap", "cpp_move_sqlite"]
-
 
 def numbered_map(number: int, side: int = 4) -> GridMap:
     """Return a map whose values and time [s] equal a number."""

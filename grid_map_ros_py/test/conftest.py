@@ -2,10 +2,12 @@
 """Fixtures and settings of the tests of this package."""
 
 import sys
+import tracemalloc
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 import nav2_stand_in
 import pytest
@@ -59,6 +61,27 @@ def other_side() -> Iterator[Peer]:
     """Peer in the domain of the processes that the test starts."""
     with peer() as other:
         yield other
+
+
+def call(other: Peer, kind: type, service: str, **request: object) -> Any:
+    """Call a service of another process, and return its answer."""
+    clients = {client.srv_name: client for client in other.node.clients}
+    client = clients.get(service) or other.node.create_client(kind, service)
+    other.wait_until(client.service_is_ready, service)
+    answer = client.call_async(kind.Request(**request))
+    other.wait_until(answer.done, f"an answer of {service}")
+    return answer.result()
+
+
+def peak_memory(operation: Callable[[], object]) -> int:
+    """Return the peak memory of an operation [bytes]."""
+    operation()
+    tracemalloc.start()
+    try:
+        operation()
+        return tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
 
 
 def arguments(**parameters: object) -> list[str]:

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Messages that the C++ converters made from given maps, from `golden/`."""
 
+import array
 import gzip
 import json
 from pathlib import Path
@@ -44,6 +45,20 @@ def to_map(described: dict[str, Any]) -> GridMap:
     assert grid_map.size == tuple(described["size"])
     grid_map.start_index = described["start_index"]
     return grid_map
+
+
+def to_grid(message: Any, described: dict[str, Any]) -> Any:
+    """Fill an occupancy grid or a costmap, and return it."""
+    header = described["header"]
+    message.header.frame_id = header["frame_id"]
+    message.header.stamp.sec, message.header.stamp.nanosec = header["sec"], header["nanosec"]
+    info = message.info if "width" in described else message.metadata
+    info.resolution = float(described["resolution"])
+    info.origin.position.x, info.origin.position.y = map(float, described["origin"]["position"][:2])
+    for name in described.keys() & {"width", "height", "size_x", "size_y"}:
+        setattr(info, name, described[name])
+    message.data = array.array(message.data.typecode, described["data"])
+    return message
 
 
 def assert_header(header: Any, described: dict[str, Any]) -> None:

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from importlib import import_module
 from itertools import dropwhile
 from pathlib import Path
-from types import ModuleType
+from types import ModuleType, SimpleNamespace
 from typing import Any
 
 from grid_map_ros_py.messages._definition import DEFINITION
@@ -27,9 +27,7 @@ class ConverterOptions:
     output_serialization_format: str = ""
 
 
-@dataclass
-class StorageFilter:
-    topics: list[str] = field(default_factory=list)
+StorageFilter = SimpleNamespace
 
 
 @dataclass
@@ -72,7 +70,7 @@ class SequentialReader:
         _check(storage, converter)
         self._file = McapReader(Path(storage.uri))
         self._file.open()
-        self._filter, self._start = StorageFilter(), 0
+        self._filter = StorageFilter(topics=[])
         self.seek(0)
 
     def get_all_topics_and_types(self) -> list[TopicMetadata]:

@@ -33,17 +33,7 @@ def path(tmp_path) -> Path:
     return tmp_path / "file"
 
 
-@pytest.fixture
-def bag(tmp_path) -> Path:
-    save_to_bag(numbered_map(1), tmp_path / "bag", TOPIC)
-    return tmp_path / "bag"
-
-
-def read_all(path: Path) -> int:
-    return sum(1 for _ in bag_maps(path, TOPIC))
-
-
-# --- any damage -----------------------------------------------------------------------------------
+# --- damaged files --------------------------------------------------------------------------------
 
 FILES = {
     "mcap": DATA / "cpp_move_mcap" / "cpp_move_mcap_0.mcap",
@@ -59,7 +49,7 @@ def test_truncated_file_is_refused(name, path):
     for cut in cuts:
         path.write_bytes(data[:cut])
         with pytest.raises(BagError, match=str(path)):
-            read_all(path)
+            list(bag_maps(path, TOPIC))
 
 
 @pytest.mark.parametrize(
@@ -70,9 +60,6 @@ def test_file_of_another_kind_is_refused(path, content, reason):
     path.write_bytes(content)
     with pytest.raises(BagError, match=reason):
         load_from_bag(path, TOPIC)
-
-
-# --- damaged MCAP files ---------------------------------------------------------------------------
 
 
 def record(code: int, content: bytes) -> bytes:
@@ -99,24 +86,6 @@ def test_damaged_chunk_is_refused(path, compression, data, size, checksum, reaso
     path.write_bytes(magic + b"".join(record(*one) for one in records) + magic)
     with pytest.raises(GridMapError, match=f"{path}.*{reason}"):
         BagReader(path, TOPIC)
-
-
-def test_record_longer_than_the_file_is_refused(path):
-    data = bytearray(write_mcap(path, [1], use_chunking=False).read_bytes())
-    data[9:17] = struct.pack("<Q", 2**63)
-    data[-28:-20] = bytes(8)  # no summary: the file is scanned
-    path.write_bytes(data)
-    with pytest.raises(BagError, match="no whole record at 8"):
-        load_from_bag(path)
-
-
-def test_invalid_message_names_its_file_and_number(path):
-    data = write_mcap(path, [1, 2], use_chunking=False, enable_crcs=False).read_bytes()
-    path.write_bytes(data.replace(b"\x04\x00\x00\x00map\x00", b"\xff\xff\xff\x7fmap\x00"))
-    with BagReader(path) as reader:
-        assert len(reader) == 2
-        with pytest.raises(BagError, match=rf"{path}: map 1 on /grid_map: .*frame_id"):
-            reader[1].grid_map()
 
 
 # --- recovery -------------------------------------------------------------------------------------
@@ -185,7 +154,7 @@ def test_convert_recovers_a_bag_and_leaves_out_damaged_maps(tmp_path, capfd):
     assert [one.time // SECOND for one in BagReader(bag)] == [1, 3, 4]
 
 
-# --- databases ------------------------------------------------------------------------------------
+# --- databases and metadata -----------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -208,9 +177,6 @@ def test_database_that_is_no_bag_is_refused(path, statement, reason):
         assert [*bag_maps(path, TOPIC)] == [load_from_bag(path, TOPIC)]
 
 
-# --- metadata -------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize(
     ("text", "reason"),
     [
@@ -218,15 +184,15 @@ def test_database_that_is_no_bag_is_refused(path, statement, reason):
         ("rosbag2_bagfile_information: 3", "is missing"),
         ("rosbag2_bagfile_information: {a: b}", "expected a list of names"),
         ("rosbag2_bagfile_information: {relative_file_paths: []}", "expected a list"),
-        ("rosbag2_bagfile_information: {relative_file_paths: [a]}", "its file a is missing"),
         ("rosbag2_bagfile_information: {relative_file_paths: ['']}", "is missing"),
         ("{", "no valid YAML"),
-        (b"\xff\xfe\xff", "no valid YAML"),
     ],
-    ids=range(8),
+    ids=range(6),
 )
-def test_damaged_metadata_is_refused(bag, text, reason):
-    (bag / "metadata.yaml").write_bytes(text if isinstance(text, bytes) else text.encode())
+def test_damaged_metadata_is_refused(tmp_path, text, reason):
+    bag = tmp_path / "bag"
+    save_to_bag(numbered_map(1), bag, TOPIC)
+    (bag / "metadata.yaml").write_text(text)
     with pytest.raises(GridMapError, match=rf"{bag}.*{reason}"):
         load_from_bag(bag)
 
@@ -239,9 +205,9 @@ def test_error_of_caller_leaves_the_old_bag(tmp_path):
 
     def maps():
         yield numbered_map(2)
-        raise ZeroDivisionError("of the caller")
+        raise OSError("of the caller")
 
-    with pytest.raises(ZeroDivisionError, match="of the caller"):
+    with pytest.raises(OSError, match="of the caller"):
         save_to_bag(maps(), tmp_path / "bag", TOPIC)
     assert number_of(load_from_bag(tmp_path / "bag")) == 1
     assert [entry.name for entry in tmp_path.iterdir()] == ["bag"]

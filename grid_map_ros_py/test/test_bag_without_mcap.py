@@ -98,21 +98,6 @@ def test_rosbag2_py_cannot_recover_or_compress_with_lz4(tmp_path):
 
 
 @pytest.mark.usefixtures("rosbag2_py")
-def test_failed_save_with_rosbag2_py_keeps_the_old_bag(tmp_path):
-    bag = tmp_path / "bag"
-    save_to_bag(numbered_map(1), bag, TOPIC)
-
-    def maps():
-        yield numbered_map(2)
-        raise OSError("no more maps")
-
-    with pytest.raises(OSError, match="no more maps"):
-        save_to_bag(maps(), bag, TOPIC)
-    assert number_of(load_from_bag(bag)) == 1
-    assert list(tmp_path.iterdir()) == [bag]
-
-
-@pytest.mark.usefixtures("rosbag2_py")
 def test_unterminated_file_of_rosbag2_py_does_not_replace_a_bag(tmp_path, monkeypatch):
     rosbag2_py = import_module("rosbag2_py")
     bag = tmp_path / "bag"

@@ -159,9 +159,7 @@ def test_image_that_does_not_fit_its_camera_is_refused() -> None:
     ):
         images.read_depths(message)
     images.camera = from_camera_info(camera_info())
-    for wrong in ("mono8", "rgb8", "8UC3", "32FC3"):
-        channels = (3,) if "3" in wrong or wrong == "rgb8" else ()
-        dtype = np.float32 if wrong == "32FC3" else np.uint8
+    for wrong, *channels, dtype in (("mono8", np.uint8), ("32FC3", 3, np.float32)):
         with pytest.raises(MessageError, match="encoding: expected 16UC1, mono16, 32FC1 or 64FC1"):
             images.read_depths(image(np.ones((ROWS, COLUMNS, *channels), dtype), wrong))
 

@@ -1,12 +1,11 @@
 # SPDX-License-Identifier: BSD-3-Clause
-import array
 import math
 import sys
 from typing import Any
 
 import numpy as np
 import pytest
-from cpp_golden import assert_header, assert_pose, cases, to_map
+from cpp_golden import assert_header, assert_pose, cases, to_grid, to_map
 from hypothesis import HealthCheck, given, settings
 from nav2_stand_in import Costmap, LaterPyCostmap2D, PyCostmap2D
 
@@ -23,19 +22,6 @@ from grid_map_ros_py import (
 from grid_map_ros_py.messages import OCCUPANCIES, STATIC_LAYER
 
 pytestmark = pytest.mark.usefixtures("nav2")
-
-
-def to_message(description: dict[str, Any]) -> Costmap:
-    message = Costmap()
-    header, metadata = description["header"], message.metadata
-    message.header.frame_id = header["frame_id"]
-    message.header.stamp.sec, message.header.stamp.nanosec = header["sec"], header["nanosec"]
-    metadata.resolution = description["resolution"]
-    metadata.size_x, metadata.size_y = description["size_x"], description["size_y"]
-    x, y = map(float, description["origin"]["position"][:2])
-    metadata.origin.position.x, metadata.origin.position.y = x, y
-    message.data = array.array("B", description["data"])
-    return message
 
 
 TO_COSTMAP = cases("to_costmap")
@@ -69,7 +55,8 @@ def test_empty_range_is_refused_where_cpp_divides_by_zero() -> None:
 def test_maps_equal_cpp(read: Any) -> None:
     assert len(FROM_COSTMAP) == 16
     for case in FROM_COSTMAP:
-        grid_map, expected = from_costmap(read(to_message(case["costmap"])), "cost"), case["result"]
+        grid_map = from_costmap(read(to_grid(Costmap(), case["costmap"])), "cost")
+        expected = case["result"]
         # The C++ library continues with 0.1 rounded to float32; this one restores 0.1.
         assert grid_map.resolution == round(expected["resolution"], 6)
         expected = to_map(expected)

@@ -71,7 +71,6 @@ def test_planar_transform_refuses_tilted_frames() -> None:
 CORNERS = 0.5 * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
 
 
-@pytest.mark.parametrize("worst_below_unknown", [LETHAL, FREE])
 @pytest.mark.parametrize(
     ("shape", "resolution", "yaw"),
     [
@@ -80,7 +79,7 @@ CORNERS = 0.5 * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
         *(((9, 5), 0.1, 0.0), ((6, 7), 0.07, 0.0), ((9, 8), 0.75, 0.0)),
     ],
 )
-@pytest.mark.parametrize("source", [0.1, 0.2])
+@pytest.mark.parametrize(("source", "worst_below_unknown"), [(0.1, LETHAL), (0.2, FREE)])
 def test_target_cells_get_the_worst_cost_they_touch(
     worst_below_unknown: int, shape: tuple[int, int], resolution: float, yaw: float, source: float
 ) -> None:

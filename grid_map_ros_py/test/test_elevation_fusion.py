@@ -13,7 +13,6 @@ from grid_map_core_py import ConfigError, GridGeometry, GridMapError
 from grid_map_core_py.conversions import color_value_to_vector
 from grid_map_core_py.elevation import ElevationMapper
 from grid_map_core_py.testing import assert_maps_equal
-from grid_map_ros_py import MessageError
 from grid_map_ros_py._elevation_mapping.cameras import Picture
 from grid_map_ros_py._elevation_mapping.fusion import ElevationFusion
 from grid_map_ros_py.nodes._poses import Placement, from_xyz_rpy
@@ -104,14 +103,6 @@ def test_scans_out_of_order_by_a_little_keep_the_clock() -> None:
     assert made.grid_map.timestamp == 5 * SECOND
     (text,) = made.warnings
     assert "the map's clock restarts" in text
-
-
-def test_scan_without_a_time_is_refused() -> None:
-    made = fusion()
-    made.fuse(EXACT, scan(seconds=100.0), placed())
-    with pytest.raises(MessageError, match=r"header\.stamp: expected the time of the scan"):
-        made.fuse(EXACT, scan(seconds=0.0), placed())
-    assert made.grid_map.timestamp == 100 * SECOND
 
 
 def test_continuous_cleanup_keeps_the_last_scan_only() -> None:

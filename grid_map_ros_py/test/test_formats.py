@@ -126,7 +126,6 @@ def test_one_map_is_the_last_or_the_chosen_one(command):
     [
         ("info two --topic /none", 1, "no topic '/none'; topics: /one"),
         ("inspect two", 1, "2 topics of maps, name one"),
-        ("inspect survey --index 7", 1, "no map 7: 3 maps on /grid_map"),
         ("inspect site.npz --index 1", 2, "--index is for bag, and this is npz"),
         ("convert site.npz survey", 1, "survey: already exists; --force replaces it"),
         ("convert survey survey --force", 1, "is also the source"),

@@ -29,7 +29,6 @@ def test_grid_cells_equal_cpp(grid_map: GridMap, case: dict[str, Any]) -> None:
     assert centers(message) == case["cells"]
 
 
-@settings(max_examples=40)
 @given(grid_maps())
 def test_grid_cells_have_finite_values_between_bounds(grid_map: GridMap) -> None:
     expected = [

@@ -133,24 +133,10 @@ def test_colors_survive_the_way_through_an_image(encoding: str) -> None:
     assert received["color"].view(np.uint32).tolist() == expected.view(np.uint32).tolist()
 
 
-def test_frame_time_and_position_come_from_message_and_arguments() -> None:
-    sent = GridMap((1, 2), 1.0, layers={"e": 1.0}, frame_id="odom", timestamp=5_000_000_007)
-    received = from_image(to_image(sent, "e", "mono8"), "e", 0.25, position=(3.0, -1.0))
-    assert (received.frame_id, received.timestamp) == ("odom", 5_000_000_007)
-    assert received.position.tolist() == [3.0, -1.0]
-    assert received.size == (1, 2)
-
-
-# --- other senders --------------------------------------------------------------------------------
-
-
 def sample(encoding: str) -> Image:
     values = np.random.default_rng(7).uniform(-1, 1, (3, 5))
     grid_map = GridMap((3, 5), 1.0, layers={"e": values})
     return to_image(grid_map, "e", encoding, -1, 1)
-
-
-# --- errors ---------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("padding", [0, 1, 8])
@@ -170,6 +156,8 @@ def test_padding_and_byte_order_of_senders_do_not_matter(
     assert_maps_equal(from_image(over_the_wire(message), "e", 1.0), expected)
 
 
+# --- errors ---------------------------------------------------------------------------------------
+
 MALFORMED = {
     "unknown encoding": (
         "encoding",
@@ -184,7 +172,6 @@ MALFORMED = {
     ),
     "too little data": ("step", 11, r"data: expected 33 bytes \(3 rows of 11\), got 30"),
     "too many rows": ("height", 2**32 - 1, "data: expected 42949672950 bytes .*, got 30"),
-    "no data": ("data", array.array("B"), "data: expected 30 bytes .*, got 0"),
     "before the epoch": ("header.stamp.sec", -1, r"header\.stamp\.sec: expected no negative"),
 }
 

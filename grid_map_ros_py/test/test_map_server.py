@@ -4,7 +4,6 @@
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 from test_grid_map import sample_map
 
@@ -15,23 +14,6 @@ from grid_map_ros_py._serving import part, place_below
 from grid_map_ros_py.errors import RequestError
 
 # The sample has 3 x 4 cells of 0.5 m around (1, -2) in the frame odom, moved in its buffer.
-
-
-@pytest.mark.parametrize("frame_id", ["", "odom"])
-def test_length_of_zero_asks_for_the_whole_map(frame_id: str) -> None:
-    assert_maps_equal(part(sample_map(), frame_id, (50.0, 0.0), (0.0, 0.0)), sample_map())
-
-
-def test_part_has_the_cells_that_overlap_the_rectangle() -> None:
-    found = part(sample_map(), "odom", (1.0, -2.0), (0.9, 0.4))
-    assert_maps_equal(found, sample_map().get_submap((1.0, -2.0), (0.9, 0.4)))
-    assert found.size == (3, 2)
-    assert found.basic_layers == ("elevation",)
-
-
-def test_part_ends_where_the_map_ends() -> None:
-    found = part(sample_map(), "", (1.75, -1.0), (2.0, 1.0)).unwrapped("elevation")
-    np.testing.assert_array_equal(found, sample_map().unwrapped("elevation")[:2, :1])
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,15 @@ from conftest import arguments
 from grid_map_core_py.testing import assert_maps_equal
 from grid_map_msgs.msg import GridMap as GridMapMessage
 from grid_map_ros_py import BagError, from_message, load_from_bag, to_message
-from grid_map_ros_py.testing import Process, peer, running, running_node, start_node, wait_until
+from grid_map_ros_py.testing import (
+    Process,
+    peer,
+    refusals,
+    running,
+    running_node,
+    start_node,
+    wait_until,
+)
 
 pytestmark = pytest.mark.needs("mcap", "rosbags")
 
@@ -85,15 +93,11 @@ def test_nodes_without_mcap_save_sqlite3_bags_and_log_why(tmp_path, node):
 
 
 def test_saver_without_mcap_refuses_mcap_at_startup(tmp_path):
-    program = WITHOUT_MCAP.format(node="grid_map_saver")
     given = arguments(file_path=tmp_path / "bag", storage="mcap")
-    saver = Process([sys.executable, "-c", program, *given])
-    try:
-        assert saver.wait() != 0
-    finally:
-        saver.stop()
-    assert f"the bag {tmp_path}/bag needs the package 'mcap'" in saver.text
-    assert "/proc/" not in saver.text
+    missing = ["mcap", "mcap.reader", "mcap.writer", "rosbag2_py"]
+    (text,) = refusals([(f"{SAVER}:GridMapSaverNode.main", given)], missing=missing)
+    assert f"the bag {tmp_path}/bag needs the package 'mcap'" in text
+    assert "/proc/" not in text
 
 
 def saved(bag: Path) -> int:

@@ -9,7 +9,7 @@ from rcl_interfaces.srv import SetParameters
 from rclpy.parameter import Parameter
 from test_costs import costs
 
-from conftest import arguments
+from conftest import arguments, call
 from grid_map_core_py.conversions import CostRange
 from grid_map_ros_py import to_message, to_occupancy_grid
 from grid_map_ros_py.nodes._poses import has_tf
@@ -20,12 +20,9 @@ MODULE = "grid_map_ros_py._executables.costmap"
 
 def set_parameters(peer: Peer, *, node: str = "costmap", **values: object) -> list[str]:
     """Set parameters one by one; return the reasons of the refused ones."""
-    client = peer.node.create_client(SetParameters, f"/{node}/set_parameters")
-    peer.wait_until(client.service_is_ready, "the service")
     changes = [Parameter(name, value=value).to_parameter_msg() for name, value in values.items()]
-    answer = client.call_async(SetParameters.Request(parameters=changes))
-    peer.wait_until(answer.done, "an answer")
-    return [result.reason for result in answer.result().results if not result.successful]
+    results = call(peer, SetParameters, f"/{node}/set_parameters", parameters=changes).results
+    return [result.reason for result in results if not result.successful]
 
 
 def wait_for_level(peer: Peer, level: bytes) -> DiagnosticStatus:

@@ -11,6 +11,7 @@ import pytest
 from diagnostic_msgs.msg import DiagnosticArray
 from nav_msgs.msg import Odometry
 from sites import make_site
+from test_poses import pose
 
 from conftest import arguments
 from grid_map_core_py import GridGeometry, GridMap
@@ -25,16 +26,11 @@ pytestmark = pytest.mark.needs("xarray", "zarr", "dask")
 
 
 def odometry(x: float, y: float, stamp: int = 8, frame_id: str = "map") -> Odometry:
-    message = Odometry()
-    message.header.frame_id = frame_id
-    message.header.stamp = to_stamp(stamp)
-    message.pose.pose.position.x, message.pose.pose.position.y = x, y
-    message.pose.pose.orientation.w = 1.0
-    return message
+    return pose(1e-9 * stamp, x, y, kind=Odometry, frame_id=frame_id)
 
 
 def options(path: Path, **parameters: Any) -> list[str]:
-    return arguments(source=path, pose_source="odometry", rate=50.0, **parameters)
+    return arguments(source=path, pose_source="odometry", **{"rate": 50.0, **parameters})
 
 
 def assert_window(message: GridMapMessage, whole: GridMap, position: Any, cells: int) -> None:
@@ -93,16 +89,9 @@ def test_window_follows_the_robot_over_borders_and_damage(other_side: Peer, tmp_
 def test_last_window_shows_the_last_pose(other_side: Peer, tmp_path: Path) -> None:
     whole = make_site(tmp_path / "site.zarr")
     other_side.listen("/local", GridMapMessage)
-    parameters = {"rate": 10.0, "step": 0.0, "length": 4.0, "output_topic": "/local"}
-    with running_node(
-        MODULE,
-        *arguments(
-            source=tmp_path / "site.zarr",
-            layers="[variance]",
-            pose_source="odometry",
-            **parameters,
-        ),
-    ):
+    where = {"rate": 10.0, "step": 0.0, "length": 4.0, "output_topic": "/local"}
+    given = options(tmp_path / "site.zarr", layers="[variance]", **where)
+    with running_node(MODULE, *given):
         for number in range(60):
             other_side.publish("/odom", odometry(95.0 + 0.1 * number, -50.0, stamp=number))
             other_side.spin(0.01)

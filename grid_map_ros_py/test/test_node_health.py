@@ -1,11 +1,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Reports of nodes on `/diagnostics`."""
 
-from collections.abc import Callable
 from itertools import count
 from pathlib import Path
 
-import pytest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from test_grid_map import sample_map
 
@@ -18,43 +16,14 @@ def values(report: DiagnosticArray) -> dict[str, str]:
     return {value.key: value.value for value in report.status[0].values}
 
 
-@pytest.fixture
-def report(other_side: Peer) -> Callable[[], DiagnosticArray]:
-    """Function that waits for the next report, and returns it."""
+def test_idle_node_reports_while_its_clock_stands_still(start: Start, other_side: Peer) -> None:
     other_side.listen("/diagnostics", DiagnosticArray, 10)
-    reports = other_side.received["/diagnostics"]
-
-    def wait() -> DiagnosticArray:
-        return other_side.expect("/diagnostics", len(reports) + 1)
-
-    return wait
-
-
-def test_idle_node_reports_while_its_clock_stands_still(start: Start, report) -> None:
     start("living.py", "idle", "--ros-args", "-p", "use_sim_time:=true", "-r", "__ns:=/robot")
-    for _ in range(2):
-        found = report()
+    for number in (1, 2):
+        found = other_side.expect("/diagnostics", number)
         assert found.status[0].name == "robot/being"
         assert found.status[0].level == DiagnosticStatus.OK
         assert values(found)["maps in"] == "0"
-
-
-@pytest.mark.parametrize(
-    ("habit", "text"),
-    [
-        ("misconfigured", "filter 3 'smooth': unknown parameter 'radiu'"),
-        ("buggy", "a bug"),
-        ("gives up", "the battery is empty"),
-        ("buggy while it lives", "a bug"),
-    ],
-)
-def test_node_that_fails_reports_why_before_it_ends(
-    start: Start, report, habit: str, text: str
-) -> None:
-    process = start("living.py", habit)
-    (found,) = report().status
-    assert (found.name, found.level, found.message) == ("being", DiagnosticStatus.ERROR, text)
-    assert process.wait() == 1
 
 
 def test_flood_of_wrong_maps_is_counted_in_few_short_lines(

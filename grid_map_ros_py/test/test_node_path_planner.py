@@ -9,13 +9,14 @@ from typing import Any
 
 import numpy as np
 import pytest
+import test_poses
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped
 from nav_msgs.msg import Path
 from nav_msgs.srv import GetPlan
 from test_node_costmap import set_parameters, wait_for_level
 
-from conftest import arguments
+from conftest import arguments, call
 from grid_map_core_py import GridMap
 from grid_map_core_py.planning import TravelGraph
 from grid_map_core_py.testing import moved_in_buffer
@@ -45,18 +46,11 @@ OPEN, LOW, HIGH = ground(), ground(254.0, -1.0), ground(254.0, 1.0)
 
 
 def pose(place: tuple[float, float], yaw: float = 0.0, frame_id: str = "odom") -> PoseStamped:
-    message = PoseStamped()
-    message.header.frame_id = frame_id
-    message.pose.position.x, message.pose.position.y = place
-    message.pose.orientation.z, message.pose.orientation.w = math.sin(yaw / 2), math.cos(yaw / 2)
-    return message
+    return test_poses.pose(0, *place, yaw, frame_id=frame_id)
 
 
 def robot(place: tuple[float, float]) -> PoseWithCovarianceStamped:
-    stamped = pose(place)
-    message = PoseWithCovarianceStamped(header=stamped.header)
-    message.pose.pose = stamped.pose
-    return message
+    return test_poses.pose(0, *place, kind=PoseWithCovarianceStamped)
 
 
 def poses_of(path: Path) -> np.ndarray:
@@ -180,14 +174,10 @@ def test_goal_waits_for_a_pose_and_a_fresh_map() -> None:
 
 def test_make_plan_starts_at_a_pose_or_at_the_robot() -> None:
     with planner() as (node, other):
-        client = other.node.create_client(GetPlan, "/make_plan")
-        other.wait_until(client.service_is_ready, "the service")
 
         def plan(start: PoseStamped, goal: PoseStamped, tolerance: float = 0.0) -> Path:
-            request = GetPlan.Request(start=start, goal=goal, tolerance=tolerance)
-            answer = client.call_async(request)
-            other.wait_until(answer.done, "an answer")
-            return answer.result().plan
+            request = {"start": start, "goal": goal, "tolerance": tolerance}
+            return call(other, GetPlan, "/make_plan", **request).plan
 
         assert plan(pose(START), pose(GOAL)).poses == []
         text = "make_plan: no usable map has come on /grid_map (no publisher"

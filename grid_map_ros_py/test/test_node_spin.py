@@ -8,9 +8,10 @@ import time
 from pathlib import Path
 
 import pytest
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 
 from conftest import NODES, Start
-from grid_map_ros_py.testing import Process, wait_until
+from grid_map_ros_py.testing import Peer, Process, wait_until
 
 INTERRUPTED_IMPORT = """
 import os, signal, sys
@@ -21,41 +22,16 @@ os.kill(os.getpid(), signal.SIGINT)
 import rclpy
 """
 
-RUN_WITH_FILES = """
-import sys
-from rclpy.node import Node
-from rclpy.utilities import try_shutdown
-from grid_map_ros_py.nodes import read_parameter, run
-
-class Being(Node):
-    def __init__(self):
-        super().__init__("being")
-        self.create_timer(read_parameter(self, "delay", float, 0.0), self.live)
-
-    def live(self):
-        print("alive", flush=True)
-        try_shutdown()
-
-for file in sys.argv[1:]:
-    run(Being, ["being", "--ros-args", "--params-file", file])
-"""
-
 
 def wait_until_alive(process: Process) -> None:
     wait_until(lambda: process.lines, "a sign of life")
     assert process.lines == ["alive\n"]
 
 
-def interrupt_until_it_ends(process: Process) -> None:
-    def interrupt() -> None:
-        process.send_signal(signal.SIGINT)
-        time.sleep(0.01)  # Thousands of interrupts would also disturb Python itself.
-
-    wait_until(lambda: not process.is_running, "its end", step=interrupt)
-
-
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
-@pytest.mark.parametrize("habit", ["idle", "busy", "slow"])
+@pytest.mark.parametrize(
+    ("habit", "number"),
+    [("idle", signal.SIGTERM), ("busy", signal.SIGINT), ("slow", signal.SIGHUP)],
+)
 def test_signal_ends_the_node_with_exit_code_0(
     start: Start, habit: str, number: signal.Signals
 ) -> None:
@@ -70,9 +46,13 @@ def test_signal_ends_the_node_with_exit_code_0(
 def test_further_interrupts_end_stuck_callbacks_and_change_nothing_else(
     start: Start, habit: str
 ) -> None:
+    def interrupt() -> None:
+        process.send_signal(signal.SIGINT)
+        time.sleep(0.01)  # Thousands of interrupts would also disturb Python itself.
+
     process = start("living.py", habit)
     wait_until_alive(process)
-    interrupt_until_it_ends(process)
+    wait_until(lambda: not process.is_running, "its end", step=interrupt)
     assert process.wait() == 0
     assert process.lines == ["alive\n", "destroyed\n"]
 
@@ -90,33 +70,31 @@ def test_interrupt_during_imports_leaves_no_traceback() -> None:
 
 
 @pytest.mark.parametrize(
-    ("habit", "message"),
+    ("habit", "message", "exception"),
     [
-        ("misconfigured", "filter 3 'smooth': unknown parameter 'radiu'"),
-        ("misnamed", "Invalid topic name: topic name must not .*: 'no topic'"),
-        ("gives up", "the battery is empty"),
+        ("misconfigured", "filter 3 'smooth': unknown parameter 'radiu'", ""),
+        ("misnamed", "Invalid topic name: topic name must not .*: 'no topic'", ""),
+        ("gives up", "the battery is empty", ""),
+        ("buggy", "a bug", "ZeroDivisionError"),
+        ("buggy while it lives", "a bug", "grid_map_core_py.errors.GridMapError"),
     ],
 )
-def test_failing_node_logs_one_error_and_fails(start: Start, habit: str, message: str) -> None:
+def test_failing_node_logs_and_reports_one_error(
+    start: Start, other_side: Peer, habit: str, message: str, exception: str
+) -> None:
+    other_side.listen("/diagnostics", DiagnosticArray, 10)
     process = start("living.py", habit)
+    (found,) = other_side.expect("/diagnostics").status
+    assert (found.name, found.level) == ("being", DiagnosticStatus.ERROR)
+    assert re.fullmatch(message, found.message)
     assert process.wait() == 1
-    (line,) = [line for line in process.lines if line not in ("alive\n", "destroyed\n")]
-    assert re.fullmatch(rf"\[FATAL\] .*\[being\]: {message}\n", line)
-
-
-@pytest.mark.parametrize(
-    ("habit", "error"),
-    [
-        ("buggy", "ZeroDivisionError"),
-        ("buggy while it lives", "grid_map_core_py.errors.GridMapError"),
-    ],
-)
-def test_unexpected_exception_keeps_its_traceback(start: Start, habit: str, error: str) -> None:
-    process = start("living.py", habit)
-    assert process.wait() == 1
-    assert "Traceback" in process.text
-    assert "FATAL" not in process.text
-    assert f"{error}: a bug\n" in process.text
+    if exception:
+        assert "Traceback" in process.text
+        assert "FATAL" not in process.text
+        assert f"{exception}: {message}\n" in process.text
+    else:
+        (line,) = [line for line in process.lines if line not in ("alive\n", "destroyed\n")]
+        assert re.fullmatch(rf"\[FATAL\] .*\[being\]: {message}\n", line)
 
 
 def test_given_parameters_that_are_not_used_are_warned_of(start: Start, tmp_path: Path) -> None:
@@ -148,20 +126,20 @@ def parameter_files(folder: Path, sections: list[str]) -> list[Path]:
 OTHERS = ["beings", "robot/being", "/*/being", "robot: {being"]
 
 
-def test_parameter_files_without_section_for_the_node_are_reported(tmp_path: Path) -> None:
-    files = parameter_files(tmp_path, [*OTHERS, "being", "/being", "/*", "/**", "/**/being"])
-    # One after another in one process, because to start Python takes longest.
-    process = Process([sys.executable, "-c", RUN_WITH_FILES, *map(str, files)])
-    try:
-        assert process.wait() == 0, process.text
-    finally:
-        process.stop()
-    texts = process.text.split("alive\n")
-    for text, file, section in zip(texts, files, OTHERS, strict=False):
-        name = "/" + section.strip("/").replace(": {", "/")
-        warning = f"no section of {file} matches /being; the file has {name}"
-        assert (text.count(warning), text.count("\n")) == (1, 1)
-    assert texts[len(OTHERS) :] == [""] * (len(files) - len(OTHERS) + 1)
+def test_parameter_files_without_section_for_the_node_are_reported(
+    start: Start, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    paths = parameter_files(tmp_path, [*OTHERS, "being", "/being", "/*", "/**", "/**/being"])
+    files = [word for path in paths for word in ("--params-file", path.name)]
+    process = start("living.py", "idle", "--ros-args", *files)
+    wait_until(lambda: "alive\n" in process.lines, "a sign of life")
+    names = ("beings", "robot/being", "*/being", "robot/being")
+    warnings = [
+        f"no section of {path.name} matches /being; the file has /{name}"
+        for path, name in zip(paths, names, strict=False)
+    ]
+    assert f"[being]: {'; '.join(warnings)}\n" in process.text
 
 
 def test_node_that_fails_reports_its_parameter_file(start: Start, tmp_path: Path) -> None:
@@ -195,12 +173,10 @@ def test_node_without_keys_does_not_start_under_enforced_security(tmp_path: Path
     "content",
     [
         "filters:\n  - {name: a, type: b}\n",
-        "rate: 1\n",
-        "node:\n  rate: 1\n",
         "node: {ros__parameters: {filters: [{name: a, params: {radius: 1.0}}]}}",
         "node: {ros__parameters: {input_sources: {}, rate: 1}}",
     ],
-    ids=["chain", "parameter", "section", "list", "empty mapping"],
+    ids=["chain", "list", "empty mapping"],
 )
 def test_parameter_file_of_ros_1_names_the_page_on_migration(
     start: Start, content: str, tmp_path: Path

@@ -4,7 +4,7 @@ import itertools
 import json
 import math
 import struct
-import tracemalloc
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +13,7 @@ import pytest
 from hypothesis import assume, given, settings, strategies as st
 from octomap_stand_in import Octomap, message, write_binary, write_full
 
+from conftest import peak_memory
 from grid_map_core_py import GridMap, GridMapError, LimitError
 from grid_map_ros_py import MessageError, from_octomap, octomap_to_points
 
@@ -115,8 +116,6 @@ def test_larger_cells_have_the_highest_column(factor: float) -> None:
 
 # --- trees of any shape ---------------------------------------------------------------------------
 
-paths = st.lists(st.integers(0, 7), min_size=1, max_size=16).map(tuple)
-
 
 @st.composite
 def trees(draw: st.DrawFn) -> dict[tuple[int, ...], bool]:
@@ -195,14 +194,10 @@ FULL = read(CASES[0], "full")
 DEEP = struct.pack("<H", 3) * 16 + struct.pack("<H", 2)
 
 
-def changed(octomap: Octomap, **changes: Any) -> Octomap:
-    return Octomap(**{**vars(octomap), **changes})
-
-
 MALFORMED = {
-    "cut off": (changed(GOOD, data=GOOD.data[:-2]), r"data: expected \d+ more nodes of the tree"),
-    "cut in two": (changed(GOOD, data=GOOD.data[:-1]), "data: expected nodes of 2 bytes, got"),
-    "more follows": (changed(GOOD, data=GOOD.data * 2), "bytes, where the tree ends, got '888"),
+    "cut off": (replace(GOOD, data=GOOD.data[:-2]), r"data: expected \d+ more nodes of the tree"),
+    "cut in two": (replace(GOOD, data=GOOD.data[:-1]), "data: expected nodes of 2 bytes, got"),
+    "more follows": (replace(GOOD, data=GOOD.data * 2), "bytes, where the tree ends, got '888"),
     "too deep": (message(DEEP), "data: expected nodes of at most depth 15, got 16"),
     "very deep": (message(DEEP[:-2] * 9999 + DEEP[-2:]), "nodes of at most depth 15, got"),
     "no children": (message(b"\0\0"), "data: expected inner nodes with children, got 'one with"),
@@ -210,27 +205,35 @@ MALFORMED = {
         message(struct.pack("<fB", math.nan, 0), binary=False),
         "data: expected log-odds that are numbers, got nan",
     ),
-    "other tree": (changed(FULL, id="SurfelTree"), "id: expected one of OcTree, .*'SurfelTree'"),
-    "flag": (changed(GOOD, binary=False), "data: expected"),
-    "no resolution": (changed(GOOD, resolution=0.0), "resolution: expected the side of a voxel"),
-    "inf resolution": (changed(GOOD, resolution=math.inf), "resolution: expected the side"),
+    "other tree": (replace(FULL, id="SurfelTree"), "id: expected one of OcTree, .*'SurfelTree'"),
+    "flag": (replace(GOOD, binary=False), "data: expected"),
+    "no resolution": (replace(GOOD, resolution=0.0), "resolution: expected the side of a voxel"),
+    "inf resolution": (replace(GOOD, resolution=math.inf), "resolution: expected the side"),
     "huge": (
         message(write_binary({(0,) * 16: True, (7,) * 16: True})),
         "extent: expected at most 16000000 cells, got 65536 x 65536",
     ),
+    "huge and full": (
+        message(write_full({(n,) * 16: True for n in (0, 7)}, lambda _: bytes(4)), binary=False),
+        "extent: expected at most 16000000 cells, got 65536 x 65536",
+    ),
     "all occupied": (message(struct.pack("<H", 0xAAAA)), "extent: expected at most 16000000 cells"),
+    "all full": (
+        message(bytes(4) + b"\xff" + bytes(5) * 8, binary=False),
+        "extent: expected at most 16000000 cells",
+    ),
 }
 
 
 @pytest.mark.parametrize("kind", MALFORMED)
 def test_malformed_octomap_gets_one_error_that_names_the_field(kind: str) -> None:
     octomap, text = MALFORMED[kind]
-    tracemalloc.start()
-    with pytest.raises(GridMapError, match=text):
-        from_octomap(octomap)
-    peak = tracemalloc.get_traced_memory()[1]
-    tracemalloc.stop()
-    assert peak < 1e6 + 300 * len(octomap.data)
+
+    def read() -> None:
+        with pytest.raises(GridMapError, match=text):
+            from_octomap(octomap)
+
+    assert peak_memory(read) < 1e6 + 300 * len(octomap.data)
 
 
 def test_excessive_number_of_voxels_is_refused() -> None:

@@ -3,9 +3,6 @@ import re
 import subprocess
 import sys
 import textwrap
-from pathlib import Path
-
-import pytest
 
 import grid_map_ros_py
 from grid_map_core_py import GridMap
@@ -13,11 +10,8 @@ from grid_map_msgs.msg import GridMap as GridMapMessage
 from grid_map_ros_py import nodes
 from grid_map_ros_py.testing import Process, peer, running
 
-README = Path(__file__).parents[1] / "README.md"
-
 CONVERSIONS_ALONE = """
 import sys
-import numpy as np
 from grid_map_core_py import GridMap, Polygon
 import grid_map_ros_py as ros
 
@@ -34,7 +28,7 @@ print(sorted(unwanted & {name.split(".")[0] for name in sys.modules}))
 
 
 WITHOUT_MESSAGES = """
-import contextlib, importlib.abc, io, sys
+import importlib.abc, sys
 
 class NoMessages(importlib.abc.MetaPathFinder):
     def find_spec(self, name, *_):
@@ -44,19 +38,12 @@ class NoMessages(importlib.abc.MetaPathFinder):
 
 sys.meta_path.insert(0, NoMessages())
 from grid_map_core_py import GridMap
-from grid_map_core_py._commands import main
 from grid_map_core_py.errors import MissingPackageError
 import grid_map_ros_py as ros
 from grid_map_ros_py import bags, errors, messages
 
 grid_map = GridMap((1, 1), 0.25, layers={"elevation": 1.0}, frame_id="map", timestamp=3)
 grid_map.move((0.5, 0.25))
-for storage in ("mcap", "sqlite3"):
-    path = f"{sys.argv[1]}/{storage}"
-    ros.save_to_bag(grid_map, path, "/grid_map", storage=storage)
-    print(ros.load_from_bag(path).position, len(ros.bag_topics(path)))
-with contextlib.redirect_stdout(io.StringIO()):
-    assert main(["info", path]) == 0
 received = ros.ReceivedMap(ros.to_serialized_message(grid_map))
 print(received.start_index == grid_map.start_index, received.frame_id)
 ros.from_message(messages.view(received.data, "grid_map_msgs/GridMap"))
@@ -67,13 +54,13 @@ except MissingPackageError as error:
 """
 
 
-def test_import_needs_no_message_package(tmp_path):
+def test_import_needs_no_message_package():
     result = subprocess.run(
-        [sys.executable, "-c", WITHOUT_MESSAGES, str(tmp_path)], capture_output=True, text=True
+        [sys.executable, "-c", WITHOUT_MESSAGES], capture_output=True, text=True, check=False
     )
     assert result.stderr == ""
-    *rest, refusal = result.stdout.splitlines()
-    assert rest == ["[0.5  0.25] 1"] * 2 + ["True map"]
+    found, refusal = result.stdout.splitlines()
+    assert found == "True map"
     assert re.search(r"apt install ros-\w+-\w+-msgs, then source ROS 2", refusal)
 
 
@@ -82,13 +69,6 @@ def test_conversions_work_without_rclpy() -> None:
         [sys.executable, "-c", CONVERSIONS_ALONE], capture_output=True, text=True, check=False
     )
     assert (result.stdout, result.stderr) == ("[]\n", "")
-
-
-@pytest.mark.parametrize("example", re.findall(r"```python\n(.*?)```", README.read_text(), re.S))
-def test_examples_of_the_readme_work(example: str) -> None:
-    names: dict[str, object] = {"__name__": "readme"}
-    exec(compile(example, README, "exec"), names)  # noqa: S102
-    assert "GridMap" in names
 
 
 def test_node_in_the_documentation_runs(tmp_path) -> None:

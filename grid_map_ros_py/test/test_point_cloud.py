@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 from cpp_golden import assert_header, cases
-from hypothesis import given, settings
+from hypothesis import given
 from sensor_msgs.msg import PointCloud2
 from wire import over_the_wire
 
@@ -60,7 +60,6 @@ def expected_points(grid_map: GridMap, layer: str) -> list[tuple[float, float, f
     return found
 
 
-@settings(max_examples=40)
 @given(grid_maps(layers=("elevation", "variance")))
 def test_every_valid_cell_is_a_point_and_no_other(grid_map: GridMap) -> None:
     cloud = over_the_wire(to_point_cloud(grid_map, "variance"))

@@ -75,6 +75,7 @@ def test_matrix_round_trips_through_messages(
     [
         (from_pose, PoseStamped(), "pose.position.y", math.nan, r"pose\.position\.y: .*got nan"),
         (from_pose, Pose(), "orientation.w", 2.0, r"^orientation: expected a quaternion of norm 1"),
+        (from_pose, Pose(), "orientation.w", 1e200, r"^orientation: expected a quaternion"),
         (from_pose, Odometry(), "pose.pose.orientation.w", 0.0, r"^pose\.pose\.orientation: "),
         (from_transform, Transform(), "translation.x", math.inf, r"^translation\.x: .*got inf"),
         (from_transform, TransformStamped(), "transform.rotation.x", math.nan, "rotation: .*norm"),

@@ -24,7 +24,7 @@ from grid_map_ros_py import (
 )
 
 TUTORIAL, FILTERS, MOVE = "cpp_tutorial", "cpp_filters", "cpp_move"
-Convert = Callable[[GridMap], Any]
+TRAVERSABILITY = ["traversability", 0.0, 1.0]
 
 MAPS = [
     (TUTORIAL, "grid_map"),
@@ -56,44 +56,24 @@ def test_every_map_is_republished_unchanged(file: str, topic: str) -> None:
             assert payload in published.raw
 
 
-def cloud(layer: str) -> Convert:
-    return lambda grid_map: to_point_cloud(grid_map, layer)
-
-
-def grid(layer: str, *bounds: float) -> Convert:
-    return lambda grid_map: to_occupancy_grid(grid_map, layer, *bounds)
-
-
-def cells(layer: str, *bounds: float) -> Convert:
-    return lambda grid_map: to_grid_cells(grid_map, layer, *bounds)
-
-
-TRAVERSABILITY = grid("traversability", 0.0, 1.0)
-
-
 @pytest.mark.parametrize(
-    ("file", "map_topic", "topic", "message_type", "convert"),
+    ("file", "topic", "message_type", "convert", "options"),
     [
-        (TUTORIAL, "grid_map", "elevation_points", PointCloud2, cloud("elevation")),
-        (TUTORIAL, "grid_map", "noisy_points", PointCloud2, cloud("elevation_noisy")),
-        (TUTORIAL, "grid_map", "filtered_points", PointCloud2, cloud("elevation_filtered")),
-        (TUTORIAL, "grid_map", "elevation_grid", OccupancyGrid, grid("elevation", 0.08, -0.16)),
-        (TUTORIAL, "grid_map", "error_grid", OccupancyGrid, grid("error", -0.15, 0.15)),
-        (
-            FILTERS,
-            "filtered_map",
-            "traversability_grid",
-            OccupancyGrid,
-            grid("traversability", 0, 1),
-        ),
-        (TUTORIAL, "grid_map", "elevation_cells", GridCells, cells("elevation", -0.08, 0.0)),
+        (TUTORIAL, "elevation_points", PointCloud2, to_point_cloud, ["elevation"]),
+        (TUTORIAL, "noisy_points", PointCloud2, to_point_cloud, ["elevation_noisy"]),
+        (TUTORIAL, "filtered_points", PointCloud2, to_point_cloud, ["elevation_filtered"]),
+        (TUTORIAL, "elevation_grid", OccupancyGrid, to_occupancy_grid, ["elevation", 0.08, -0.16]),
+        (TUTORIAL, "error_grid", OccupancyGrid, to_occupancy_grid, ["error", -0.15, 0.15]),
+        (FILTERS, "traversability_grid", OccupancyGrid, to_occupancy_grid, TRAVERSABILITY),
+        (TUTORIAL, "elevation_cells", GridCells, to_grid_cells, ["elevation", -0.08, 0.0]),
     ],
 )
 def test_messages_equal_the_cpp_recording(
-    file: str, map_topic: str, topic: str, message_type: type, convert: Convert
+    file: str, topic: str, message_type: type, convert: Callable[..., Any], options: list[Any]
 ) -> None:
     (published,) = recorded(file, topic, message_type)
-    assert_is_recorded(convert(only_map(file, map_topic)), published)
+    grid_map = only_map(file, "filtered_map" if file == FILTERS else "grid_map")
+    assert_is_recorded(convert(grid_map, *options), published)
 
 
 def test_occupancy_grids_of_moving_map_equal_cpp() -> None:

@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 import pytest
 from clouds import UINT32, packed_cloud, xyz_cloud, xyz_fields
-from rclpy.serialization import serialize_message
 from sensor_msgs.msg import PointCloud2
 from test_poses import SECOND, history, pose
 from wire import set_field
@@ -31,7 +30,6 @@ class Mapper(ScanQueue):
         self.reports: list[str] = []
         self.now = 0.0
         self.rolling_map = RollingMap(GridGeometry(np.array([8.0, 6.0]), 1.0), "odom")
-        self.follow = options.pop("follow", True)
         read = partial(read_cloud, fields=fields)
         report, clock = self.reports.append, lambda: self.now
         super().__init__(poses, read, self.fuse_rolling, report, clock=clock, **options)
@@ -41,38 +39,19 @@ class Mapper(ScanQueue):
             scan.points,
             scan.columns,
             transform=placement.transform,
-            position=placement.center if self.follow else None,
+            position=placement.center,
             timestamp=scan.stamp,
         )
 
-    def height(self, x: float, y: float) -> float:
-        return float(self.rolling_map.grid_map.at_position("elevation", (x, y)))
-
 
 def fixed_mapper(**options: Any) -> Mapper:
-    return Mapper(Poses("odom"), follow=False, **options)
+    return Mapper(Poses("odom"), **options)
 
 
 def cloud(seconds: float, *points: tuple[float, float, float], frame: str = "lidar") -> PointCloud2:
     message = xyz_cloud(points or [(0.5, 0.5, seconds)], frame)
     message.header.stamp = to_stamp(round(seconds * SECOND))
     return message
-
-
-def test_cloud_is_placed_at_the_pose_of_the_robot() -> None:
-    made = Mapper(history(pose(1, 10.0, 20.0, math.pi / 2), pose(2, 90.0)))
-    assert made.add(cloud(1, (2.5, 0.5, 7.0)))
-    assert made.height(9.5, 22.5) == 7.0
-    grid_map = made.rolling_map.grid_map
-    assert (grid_map.position.tolist(), grid_map.timestamp) == ([10.0, 20.0], SECOND)
-    assert made.reports == []
-
-
-def test_map_that_does_not_follow_stays() -> None:
-    made = Mapper(history(pose(1, 1.0, 2.0), pose(2, 9.0)), follow=False)
-    made.add(cloud(1, (0.5, 0.5, 7.0)))
-    assert made.height(1.5, 2.5) == 7.0
-    assert made.rolling_map.grid_map.position.tolist() == [0.0, 0.0]
 
 
 def test_clouds_wait_for_their_poses_and_are_fused_in_order() -> None:
@@ -148,16 +127,6 @@ def test_clouds_of_a_bag_that_loops_take_its_new_poses() -> None:
     assert made.rolling_map.grid_map.position[0] == 1.0
     assert made.add(cloud(1.2))
     assert made.statistics.fused == 3
-
-
-def test_serialized_clouds_are_taken_as_well() -> None:
-    made = fixed_mapper()
-    data = serialize_message(cloud(1, (0.5, 0.5, 7.0), frame="odom"))
-    assert made.add(data)
-    assert made.height(0.5, 0.5) == 7.0
-    assert not made.add(data[:-12])
-    (report,) = made.reports
-    assert report.startswith("dropped a cloud: data: expected")
 
 
 @pytest.mark.parametrize(
@@ -243,15 +212,6 @@ def test_optical_frame_without_rotation_is_refused(
     queue.read = lambda message: replace(read_cloud(message), is_optical=is_optical)
     assert queue.add(cloud(1, frame=frame)) == (not is_refused)
     assert (f"got '{frame}' with z up. Publish" in str(queue.reports)) == is_refused
-
-
-def test_statistics_count_clouds_in_one_line() -> None:
-    made = fixed_mapper()
-    made.add(cloud(1, (0, 0, 0), (1, 1, 1), frame="odom"))
-    made.add(cloud(1, frame="lidar"))
-    line = str(made.statistics)
-    assert line.startswith("1 clouds with 2 points fused, ")
-    assert line.endswith(" ms per cloud; 1 clouds dropped")
 
 
 @pytest.mark.parametrize("wrong", [{"timeout": -1}, {"queue_size": 0}])

@@ -23,8 +23,3 @@ def test_invalid_time_is_refused(nanoseconds: int) -> None:
     with pytest.raises(MessageError, match=r"^stamp: expected .*nanoseconds.*, got ") as error:
         to_stamp(nanoseconds)
     assert error.value.found == nanoseconds
-
-
-def test_time_before_the_epoch_is_refused() -> None:
-    with pytest.raises(MessageError, match=r"header\.stamp\.sec: expected no negative.*got -1"):
-        from_stamp(Time(sec=-1))

@@ -45,7 +45,6 @@ READERS: dict[Callable[[object], object], str] = {
     [
         (MAP, "grid_map_core_py.GridMap"),
         (Image(), "sensor_msgs.Image"),
-        (None, "builtins.NoneType"),
     ],
     ids=lambda one: one if isinstance(one, str) else "",
 )
