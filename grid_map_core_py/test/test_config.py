@@ -6,7 +6,7 @@ from typing import Literal
 
 import pytest
 
-from grid_map_core_py._parameters import build, cast, describe
+from grid_map_core_py._parameters import build, cast
 from grid_map_core_py.errors import ConfigError
 
 
@@ -23,8 +23,9 @@ class Example:
 
 
 def test_yaml_numbers_are_cast_to_the_type_of_the_field():
-    example = build(Example, {"radius": 1, "count": 5.0, "layers": ["a", "b"], "limit": 2})
-    assert example == Example(radius=1.0, count=5, layers=("a", "b"), limit=2.0)
+    given = {"radius": 1, "count": 5.0, "layers": ["a", "b"], "limit": 2, "name": "1"}
+    example = build(Example, given)
+    assert example == Example(radius=1.0, count=5, layers=("a", "b"), limit=2.0, name="1")
     assert isinstance(example.radius, float)
     assert isinstance(example.count, int)
     assert isinstance(example.limit, float)
@@ -52,20 +53,6 @@ def test_lists_and_tuples_are_cast_item_by_item(given):
     assert all(isinstance(item, float) for item in cast_list)
 
 
-def test_types_are_described_in_words():
-    assert describe(list[float]) == "a list, each item a number"
-    assert describe(tuple[str, ...]) == "a list, each item a string"
-    assert describe(int | None) == "an integer or nothing"
-
-
-@pytest.mark.parametrize("text", ["", "map", "1"])
-def test_string_is_never_converted_to_another_type(text):
-    assert cast("frame_id", text, str) == text
-    for hint in (int, float, bool, list[str]):
-        with pytest.raises(ConfigError, match="parameter 'frame_id': expected "):
-            cast("frame_id", text, hint)
-
-
 @pytest.mark.parametrize(
     ("name", "value", "message"),
     [
@@ -73,12 +60,14 @@ def test_string_is_never_converted_to_another_type(text):
         ("radius", True, "a number, got True (bool)"),
         ("radius", None, "a number, got nothing"),
         ("count", 1.5, "an integer, got 1.5 (float)"),
+        ("count", "1", "an integer, got '1' (str)"),
         ("count", True, "an integer, got True (bool)"),
         ("count", float("nan"), "an integer, got nan (float)"),
         ("name", 3, "a string (quote it), got 3 (int)"),
         ("name", True, "a string (quote it), got True (bool)"),
         ("name", None, "a string, got nothing"),
         ("flag", 1, "true or false, got 1 (int)"),
+        ("flag", "", "true or false, got '' (str)"),
         ("mode", "rastr", "one of 'area', 'raster', got 'rastr' (str)"),
         ("layers", "a", "a list, each item a string, got 'a' (str)"),
         ("layers", ["a", 1], "a list, each item a string, got ['a', 1] (list)"),
