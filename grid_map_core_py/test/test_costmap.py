@@ -10,12 +10,7 @@ from hypothesis import given, strategies as st
 
 import golden
 from grid_map_core_py import GeometryError, GridMap, LayerNotFoundError
-from grid_map_core_py.conversions import (
-    CostRange,
-    CostTable,
-    from_costs,
-    to_costs,
-)
+from grid_map_core_py.conversions import CostRange, CostTable, from_costs, to_costs
 from grid_map_core_py.testing import assert_maps_equal, grid_maps
 
 CONVERTERS = golden.load("converters")

@@ -9,16 +9,8 @@ import numpy as np
 import pytest
 
 from grid_map_core_py import GridMap, GridMapError, LayerNotFoundError, MissingPackageError
-from grid_map_core_py.files import (
-    Format,
-    _formats,
-    load,
-    save,
-)
-from grid_map_core_py.files._formats import (
-    find_format,
-    formats,
-)
+from grid_map_core_py.files import Format, _formats, load, save
+from grid_map_core_py.files._formats import find_format, formats
 from grid_map_core_py.testing import assert_maps_equal
 
 

@@ -14,9 +14,7 @@ from command_line import a_map
 from grid_map_core_py import GridMap, GridMapError, change_resolution
 from grid_map_core_py.files import load, load_geotiff, save, save_geotiff
 from grid_map_core_py.files._geotiff import describe_geotiff, read_pixels
-from grid_map_core_py.files._shared import (
-    map_facts,
-)
+from grid_map_core_py.files._shared import map_facts
 from grid_map_core_py.testing import assert_maps_equal
 from grid_map_core_py.tiled import open_map
 

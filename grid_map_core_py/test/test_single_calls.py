@@ -8,7 +8,6 @@ from hypothesis import given, strategies as st
 from grid_map_core_py import GridGeometry, GridMap, GridMapError, Interpolation, OutOfMapError
 from grid_map_core_py.testing import grid_maps
 
-METHODS = list(Interpolation)
 ODD_NUMBERS = [np.nan, np.inf, -np.inf, 1e308, -1e308, 0.0, -0.0, 5e-324]
 
 
@@ -76,7 +75,7 @@ def test_one_position_has_the_cell_found_among_many(drawn):
             assert outcome(grid_map.get_index, form) == (OutOfMapError, message)
 
 
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("method", Interpolation)
 @given(maps_and_positions())
 def test_one_position_has_the_value_found_among_many(method, drawn):
     grid_map, position = drawn

@@ -13,14 +13,8 @@ from hypothesis import given, settings, strategies as st
 
 from grid_map_core_py import GridMap
 from grid_map_core_py.errors import GridMapError
-from grid_map_core_py.files import (
-    load_npz,
-    save_npz,
-)
-from grid_map_core_py.files._shared import (
-    load_yaml,
-    parse_yaml,
-)
+from grid_map_core_py.files import load_npz, save_npz
+from grid_map_core_py.files._shared import load_yaml, parse_yaml
 from grid_map_core_py.testing import assert_maps_equal, grid_maps
 
 NAMES = st.text(st.characters(exclude_categories=["Cc", "Cs"]), min_size=1)
