@@ -128,13 +128,6 @@ def test_line_along_border_belongs_to_map_as_positions_do():
     assert pairs(line_cells(grid_map, (-2, 0.5), (-1.5, 0.5))) == [[3, 1]]
 
 
-def test_a_line_that_never_touches_the_map_is_an_error():
-    grid_map = GridMap((4, 4), 1.0)
-    for start, end in (((3, 3), (5, 5)), ((5, 0), (0, 5)), ((3, 0), (3, 1)), ((3, 3), (3, 3))):
-        with pytest.raises(OutOfMapError, match="does not touch the map: center"):
-            line_cells(grid_map, start, end)
-
-
 def test_the_ends_of_a_line_must_be_numbers_and_cells():
     grid_map = GridMap((4, 4), 1.0)
     with pytest.raises(GeometryError, match="start: expected two finite numbers"):

@@ -103,16 +103,6 @@ def test_windows_are_read_only_snapshots_of_the_layer():
         window_array(grid_map, "elevation", "mean", 3)[0, 0, 0, 0] = 0.0
 
 
-@pytest.mark.parametrize(
-    ("length", "size"), [(0.04, 1), (0.1, 1), (0.2, 3), (0.25, 3), (0.34, 3), (0.46, 5)]
-)
-def test_a_window_length_becomes_an_odd_number_of_cells(length, size):
-    """Rounded to cells, then made odd by adding one."""
-    grid_map = GridMap((0.8, 0.8), 0.1, layers=["elevation"])
-    windows = window_array(grid_map, "elevation", "empty", window_length=length)
-    assert windows.shape == (8, 8, size, size)
-
-
 @pytest.mark.parametrize("windows", [sliding_windows, window_array])
 def test_wrong_arguments_are_refused_before_the_first_window(windows):
     grid_map = GridMap((0.8, 0.8), 0.1, layers=["elevation"])
