@@ -154,12 +154,6 @@ def test_names_have_no_control_characters(terrain, text):
         terrain.frame_id = text
 
 
-def test_names_in_any_language_are_kept(terrain):
-    terrain.frame_id = "größe \u2028 地図 👩\u200d🚀"
-    terrain[terrain.frame_id] = 1.0
-    assert terrain.layers[-1] == terrain.frame_id
-
-
 @pytest.mark.parametrize("value", [None, "high", 1j, [[None] * 5] * 8, {}, np.zeros((5, 8))])
 @pytest.mark.parametrize("name", ["elevation", "new"])
 def test_values_of_a_wrong_type_or_shape_are_no_layer(terrain, name, value):
@@ -359,13 +353,6 @@ class TestMove:
         terrain.move((3.5, -2.0))
         assert terrain["elevation"] is before
 
-    @pytest.mark.parametrize("target", [(0.5, 0.0), (0.99, -0.49), (0.01, 0.49)])
-    def test_less_than_half_a_cell_changes_nothing(self, terrain, target):
-        before = terrain.copy()
-        assert terrain.move(target) == []
-        assert_maps_equal(terrain, before)
-        assert terrain.start_index == (0, 0)
-
     @given(grid_maps(), st.floats(-20, 20), st.floats(-20, 20))
     def test_values_stay_at_their_positions(self, grid_map, x, y):
         before = grid_map.copy()
@@ -457,12 +444,6 @@ def test_submap_keeps_metadata_and_shares_no_data(terrain):
     assert_maps_equal(submap, terrain)
     submap["elevation"][0, 0] = 7
     assert terrain["elevation"][0, 0] == 0
-
-
-@pytest.mark.parametrize("position", [(6, 0), (0.5, 4), (-5.5, 0)])
-def test_a_submap_beside_the_map_is_an_error(terrain, position):
-    with pytest.raises(OutOfMapError, match="does not overlap the map"):
-        terrain.get_submap(position, (1, 1))
 
 
 def test_clearing_removes_the_data_and_keeps_the_layers(terrain):
