@@ -14,7 +14,6 @@ import numpy as np
 import pytest
 
 from grid_map_core_py import GridMap, load, save
-from grid_map_core_py.errors import GridMapError
 from grid_map_core_py.map import GridGeometry
 from grid_map_core_py.testing import assert_maps_equal
 from grid_map_core_py.tiled import TiledMap, open_map
@@ -65,8 +64,6 @@ def test_stores_are_a_format_of_files(command):
     assert_maps_equal(load("copy.zarr"), a_map())
     assert load("copy.zarr", layers=["a"]).layers == ("a",)
     save(load("copy.zarr"), "copy.zarr")
-    with pytest.raises(GridMapError, match=r"expected a name that ends in \.npz, got \.zarr"):
-        save(a_map(), "a.zarr", format="npz")
 
 
 def test_convert_runs_on_tiles(command):
