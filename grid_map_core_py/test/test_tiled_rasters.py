@@ -6,9 +6,8 @@ import os
 import pickle
 import subprocess
 import sys
-import threading
 import warnings
-from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -197,22 +196,15 @@ def test_other_processes_read_pickled_maps(method):
 def test_threads_read_at_once():
     site = open_map(write("a.tif", heights(300, 280), compress="deflate"))
     expected = site.to_map()["elevation"]
-    wrong = []
 
-    def read(seed: int) -> None:
-        generator = np.random.default_rng(seed)
-        for row, column in generator.integers(0, 200, (40, 2)):
+    def check(seed: int) -> None:
+        for row, column in np.random.default_rng(seed).integers(0, 200, (40, 2)):
             window = slice(row, row + 57), slice(column, column + 41)
             (found,) = site.source.read(window, site.layers)
-            if not np.array_equal(found, expected[window], equal_nan=True):
-                wrong.append(window)
+            np.testing.assert_array_equal(found, expected[window])
 
-    threads = [threading.Thread(target=read, args=(seed,)) for seed in range(4)]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join()
-    assert not wrong
+    with ThreadPoolExecutor(4) as pool:
+        assert len([*pool.map(check, range(4))]) == 4
 
 
 # --- mosaics --------------------------------------------------------------------------------------
@@ -395,10 +387,8 @@ def test_wrong_arguments_are_refused(capfd):
     write("a.tif", heights(5, 5), crs=None)
     with pytest.raises(GridMapError, match=r"a\.tif: .*has no reference system from which EPSG:4"):
         open_map("a.tif", crs="EPSG:4326")
-    with pytest.raises(ConfigError, match=r"crs: expected WKT, a code .*, got 'EPSG:nothing'"):
-        open_map(write("b.tif", heights(5, 5)), crs="EPSG:nothing")
     with pytest.raises(ConfigError, match=r"crs: expected WKT, a code .*, got 'EPSG:9999999'"):
-        open_map("b.tif", crs="EPSG:9999999")
+        open_map(write("b.tif", heights(5, 5)), crs="EPSG:9999999")
     assert not capfd.readouterr().err  # PROJ prints no message of its own
     with pytest.raises(ConfigError, match="path"):
         open_map([])
