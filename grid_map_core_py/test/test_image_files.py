@@ -86,6 +86,14 @@ def test_missing_and_invalid_parameters_are_named(tmp_path):
     assert png.read_bytes() == before
 
 
+def test_images_say_that_the_reference_system_is_lost(tmp_path):
+    grid_map = GridMap((1, 1), 0.5, layers={"elevation": 1.0})
+    grid_map.crs = 25832
+    for name in ("map.png", "map.yaml"):
+        with pytest.warns(UserWarning, match=r"crs: an image cannot hold .*; it is lost\. A GeoT"):
+            save(grid_map, tmp_path / name)
+
+
 @pytest.mark.parametrize("name", ["a.png", "a.tif", "a.bmp", "a.pgm"])
 def test_a_damaged_image_is_one_error(tmp_path, name):
     path = tmp_path / name

@@ -13,15 +13,13 @@ from grid_map_core_py.files import load_geotiff
 from grid_map_core_py.testing import assert_maps_equal
 from grid_map_core_py.tiled import open_map
 
-pytestmark = pytest.mark.needs("dask", "rasterio", "pyproj")
+pytestmark = [
+    pytest.mark.needs("dask", "rasterio", "pyproj"),
+    pytest.mark.usefixtures("in_folder"),
+]
 
 PLACE = (48.137222, 11.575556)
 """Latitude and longitude [deg]."""
-
-
-@pytest.fixture(autouse=True)
-def in_folder(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
 
 
 @pytest.mark.parametrize("crs", [UTM, "EPSG:32733", "EPSG:2154", "EPSG:3035", "EPSG:31468"])

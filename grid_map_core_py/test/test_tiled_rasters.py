@@ -20,15 +20,10 @@ from grid_map_core_py.files import load_geotiff
 from grid_map_core_py.testing import assert_maps_equal
 from grid_map_core_py.tiled import TiledMap, open_map
 
-pytestmark = pytest.mark.needs("dask", "rasterio")
+pytestmark = [pytest.mark.needs("dask", "rasterio"), pytest.mark.usefixtures("in_folder")]
 
 UTM = "EPSG:25832"
 RANDOM = np.random.default_rng(16)
-
-
-@pytest.fixture(autouse=True)
-def in_folder(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
 
 
 def heights(lines: int, pixels: int, bands: int = 1) -> np.ndarray:
