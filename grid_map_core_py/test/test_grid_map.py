@@ -266,17 +266,6 @@ def test_a_cell_is_valid_when_all_basic_layers_are_finite(terrain):
     assert not terrain.valid_mask([]).any()
 
 
-def test_vectors_and_3d_positions_are_nan_where_invalid(terrain):
-    for axis, value in zip("xyz", (1, 2, 3), strict=True):
-        terrain["normal_" + axis] = value
-    terrain["normal_y"][0, 0] = np.nan
-    terrain["elevation"][1, 1] = np.inf
-    assert terrain.get_vector("normal_", (2, 2)).tolist() == [1, 2, 3]
-    assert np.isnan(terrain.get_vector("normal_", (0, 0))).all()
-    assert terrain.get_position3("elevation", (0, 0)).tolist() == [4.0, 2.0, 0.0]
-    assert np.isnan(terrain.get_position3("elevation", (1, 1))).all()
-
-
 def test_position_outside_raises_error_naming_position_and_map(terrain):
     with pytest.raises(OutOfMapError, match=r"position \(9.0, 0.0\) is outside .*\(8.0, 5.0\)"):
         terrain.get_index((9, 0))
