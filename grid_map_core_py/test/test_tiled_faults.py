@@ -11,6 +11,7 @@ import warnings
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import AbstractContextManager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -136,11 +137,6 @@ def tiles_of(part: Path) -> set[tuple[int, ...]]:
     return {tuple(map(int, name.split("."))) for name in layers[0] & layers[1]}
 
 
-def computed_tiles(site: Any) -> set[tuple[int, ...]]:
-    """Return the row and column of each tile that was computed, and forget them."""
-    return {tuple(int(cell) // 16 for cell in line.split()) for line in site.source.computed()}
-
-
 def test_killed_client_resumes(tmp_path: Path, target: Path, expected: dict[str, bytes]) -> None:
     site = waves(tmp_path)
     (tmp_path / "kill").write_text("48 32")
@@ -158,7 +154,9 @@ def test_killed_client_resumes(tmp_path: Path, target: Path, expected: dict[str,
     site.source.computed()
     counts: list[tuple[int, int]] = []
     site.to_zarr(target, resume=True, progress=lambda *count: counts.append(count))
-    assert computed_tiles(site) == {divmod(n, 5) for n in range(TILES)} - finished
+    cells = [map(int, line.split()) for line in site.source.computed()]
+    computed = {(row // 16, column // 16) for row, column in cells}
+    assert computed == {divmod(n, 5) for n in range(TILES)} - finished
     assert counts[0] == (len(finished), TILES)
     assert files(target) == expected
     assert not part.exists()
@@ -175,6 +173,8 @@ def test_resume_of_another_run_is_refused(tmp_path: Path, target: Path) -> None:
         waves(tmp_path, tile=15).to_zarr(target, resume=True)
     with pytest.raises(GridMapError, match="begun with another layers"):
         site.to_zarr(target, resume=True, layers=["variance"])
+    with pytest.raises(GridMapError, match="begun with another place"):
+        replace(site, origin=(1.0, 0.0)).to_zarr(target, resume=True)
     assert files(part) == before
 
 
