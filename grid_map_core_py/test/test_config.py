@@ -54,7 +54,6 @@ def test_empty_list_may_have_no_type(empty):
         ("count", True, "an integer, got True (bool)"),
         ("count", float("nan"), "an integer, got nan (float)"),
         ("name", 3, "a string (quote it), got 3 (int)"),
-        ("name", None, "a string, got nothing"),
         ("flag", 1, "true or false, got 1 (int)"),
         ("flag", "", "true or false, got '' (str)"),
         ("mode", True, "one of 'area', 'raster' (quote it), got True (bool)"),

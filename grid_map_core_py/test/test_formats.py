@@ -26,11 +26,6 @@ def test_map_round_trips_by_file_name(in_folder, name):
         load(name, layers=["none"])
 
 
-def test_named_format_overrides_the_ending():
-    save(a_map(), "a.map", format="npz", compress=True)
-    assert_maps_equal(load("a.map", format="npz"), a_map())
-
-
 @pytest.mark.parametrize(
     ("name", "options", "expected"),
     [
