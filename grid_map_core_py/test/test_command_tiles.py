@@ -194,13 +194,12 @@ def test_workers_are_processes_that_end_with_the_program(command):
 
 def children(process: int) -> list[int]:
     """Return the workers among the processes that a process has started."""
-    tasks = Path(f"/proc/{process}/task").iterdir()
-    words = [word for task in tasks for word in (task / "children").read_text().split()]
-    return [int(word) for word in words if b"spawn_main" in command_line(word)]
-
-
-def command_line(process: str) -> bytes:
-    return Path("/proc", process, "cmdline").read_bytes()
+    return [
+        int(word)
+        for task in Path(f"/proc/{process}/task").iterdir()
+        for word in (task / "children").read_text().split()
+        if b"spawn_main" in Path("/proc", word, "cmdline").read_bytes()
+    ]
 
 
 @pytest.mark.parametrize(("step", "tile"), [(1, 16), (2, 5), (7, 16), (100, 100)])

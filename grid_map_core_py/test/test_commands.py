@@ -19,22 +19,19 @@ from grid_map_core_py._unfinished import scratch_folder
 from grid_map_core_py.files import load_npz, save_npz
 
 
-@pytest.fixture(scope="module")
-def files(tmp_path_factory) -> Path:
-    """Return a folder with a map, for reading only."""
-    folder = tmp_path_factory.mktemp("files")
-    save_npz(a_map(), folder / "site.npz")
+@pytest.fixture
+def files(tmp_path) -> Path:
+    """Return the folder of the test, with a map and other files."""
+    save_npz(a_map(), tmp_path / "site.npz")
     for name in "notes.txt", "site.rrd":
-        (folder / name).write_text("no map")
-    (folder / "chain.yaml").write_text("filters: {}")
-    return folder
+        (tmp_path / name).write_text("no map")
+    (tmp_path / "chain.yaml").write_text("filters: {}")
+    return tmp_path
 
 
 @pytest.fixture
-def command(files, tmp_path, grid_map_command):
-    """Return `grid_map_command` in a folder with links to the files."""
-    for path in files.iterdir():
-        (tmp_path / path.name).symlink_to(path)
+def command(files, grid_map_command):  # noqa: ARG001
+    """Return `grid_map_command` in the folder with the files."""
     return grid_map_command
 
 
@@ -131,15 +128,13 @@ def test_options_of_formats_reach_reader_and_writer(command):
     }
 
 
+@pytest.mark.needs("rasterio", "pyproj")
 def test_the_reference_system_of_a_geotiff_stays(command):
-    rasterio = pytest.importorskip("rasterio")
     command("convert site.npz site.tif --crs EPSG:25832 --compress")
     command("convert site.tif same.tif --layer elevation")
     command("convert site.tif other.tif --crs EPSG:25833")
     for name, code in (("same.tif", 25832), ("other.tif", 25833)):
-        with rasterio.open(name) as raster:
-            assert raster.crs.to_epsg() == code
-    assert "crs       EPSG:25832\n" in command("info same.tif")[1]
+        assert f"crs       EPSG:{code}\n" in command(f"info {name}")[1]
     command("convert site.npz degrees.tif --crs EPSG:4326")
     warning = command("info degrees.tif")[2]
     assert warning.startswith("grid-map: warning: degrees.tif: is in degrees")
@@ -191,12 +186,10 @@ def test_points_and_meshes_become_maps(command):
 
 WRONG = {
     "info nowhere": (1, "nowhere: cannot be read: No such file"),
-    "info nowhere.npz": (1, "nowhere.npz: cannot be read"),
     "info chain.yaml": (1, "with the key 'image'. A filter chain runs with `grid-map filter`"),
     "info notes.txt": (1, "notes.txt: expected a file or folder of one of the formats npz"),
     "info site.rrd": (1, "is written, not read; show it by `rerun site.rrd`"),
     "info -": (1, "standard input: cannot be read"),
-    "inspect site.npz --layer none": (1, "no layer 'none'; available: elevation"),
     "inspect site.npz --bins 0": (2, "--bins: expected a number from 1"),
     "inspect site.npz --from zip": (1, "format: expected one that is read, npz"),
     "convert site.npz chain.yaml": (1, "chain.yaml: already exists; --force replaces it"),
@@ -326,7 +319,7 @@ def test_help_imports_neither_packages_nor_numpy(tmp_path):
 @pytest.mark.skipif(
     not entry_points(group="grid_map_core_py.commands"), reason="runs from sources, not installed"
 )
-def test_commands_of_the_core_work_without_other_packages(files, tmp_path):
+def test_commands_of_the_core_work_without_other_packages(files):
     blocked = ("rclpy", "grid_map_msgs", "sensor_msgs", "std_msgs", "mcap", "rasterio", "lark")
     others = ("grid_map_ros_py", "grid_map_filters_py", "grid_map_visualization_py")
     code = (
@@ -335,8 +328,8 @@ def test_commands_of_the_core_work_without_other_packages(files, tmp_path):
         "print([main(line.split()) for line in sys.argv[1:]], file=sys.stderr)\n"
     )
     lines = [
-        f"inspect {files}/site.npz",
-        f"convert {files}/site.npz copy.npz",
+        "inspect site.npz",
+        "convert site.npz copy.npz",
         "convert copy.npz slope.png --layer elevation",
         "info copy.npz",
         "info survey.mcap",
@@ -344,7 +337,7 @@ def test_commands_of_the_core_work_without_other_packages(files, tmp_path):
         "convert copy.npz map.tif",
         "play survey",
     ]
-    errors = run(sys.executable, "-c", code, *lines, cwd=tmp_path).stderr.splitlines()
+    errors = run(sys.executable, "-c", code, *lines, cwd=files).stderr.splitlines()
     assert errors[-1] == "[0, 0, 0, 0, 1, 1, 1, 1]"
     assert any("play: the" in line and "Source ROS 2, then the w" in line for line in errors)
     assert any("survey.mcap: a bag needs the package 'grid_map_ros_py'" in line for line in errors)
