@@ -170,14 +170,6 @@ def test_closest_positions_exist_for_borders_at_zero_or_far_away(center, resolut
         assert geometry.is_inside(geometry.closest_position(direction))
 
 
-def test_plus_border_belongs_to_map_and_minus_border_does_not():
-    geometry = GridGeometry((2.0, 1.0), 0.5)
-    assert geometry.is_inside((1.0, 0.5))
-    assert not geometry.is_inside((-1.0, 0.0))
-    assert not geometry.is_inside((0.0, -0.5))
-    assert not geometry.is_inside((np.nan, 0.0))
-
-
 def test_lengths_are_rounded_to_whole_cells_half_away_from_zero():
     geometry = GridGeometry((1.25, 1.2), 0.5)
     assert geometry.size == (3, 2)

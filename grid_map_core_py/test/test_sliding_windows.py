@@ -77,7 +77,9 @@ def test_windows_are_slices_of_the_world(edges, grid_map, size):
 @pytest.mark.parametrize("edges", ["inside", "empty", "mean"])
 @given(grid_map=grid_maps(max_side=8), size=odd_sizes)
 def test_window_array_of_moved_map_equals_unmoved(edges, grid_map, size):
-    windows = window_array(grid_map, "elevation", edges, size)
+    # A length is rounded to cells, then made odd by adding one.
+    length = max(size - 1.4, 0.4) * grid_map.resolution
+    windows = window_array(grid_map, "elevation", edges, window_length=length)
     assert windows.dtype == np.float32
     one_by_one = list(sliding_windows(moved_in_buffer(grid_map, (0, 0)), "elevation", edges, size))
     assert windows.shape[0] * windows.shape[1] == len(one_by_one)
