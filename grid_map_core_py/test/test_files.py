@@ -59,12 +59,9 @@ TEXT = "".join(" ".join(map(str, row)) + "\n" for row in ROWS)
 BINARY = b"".join(struct.pack("<4fI", *row) for row in ROWS)
 
 
-PCD_DATA = {"ascii": TEXT, "binary": BINARY}
-
-
-@pytest.mark.parametrize("data", PCD_DATA)
-def test_a_pcd_file_gives_points_and_fields(write, data):
-    points, fields = load_points(write("cloud.PCD", pcd_header(data), PCD_DATA[data]))
+@pytest.mark.parametrize(("form", "data"), [("ascii", TEXT), ("binary", BINARY)])
+def test_a_pcd_file_gives_points_and_fields(write, form, data):
+    points, fields = load_points(write("cloud.PCD", pcd_header(form), data))
     assert points.dtype == np.float32
     np.testing.assert_array_equal(points, XYZ)
     assert list(fields) == ["intensity", "rgb"]

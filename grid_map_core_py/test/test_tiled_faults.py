@@ -131,12 +131,6 @@ def test_lost_scheduler_ends_the_run(
     waves(tmp_path).to_zarr(target, resume=True)
 
 
-def tiles_of(part: Path) -> set[tuple[int, ...]]:
-    """Return the row and column of each tile that has its chunks in an unfinished store."""
-    layers = [{f.name for f in (part / n).glob("[0-9]*.[0-9]")} for n in ("elevation", "variance")]
-    return {tuple(map(int, name.split("."))) for name in layers[0] & layers[1]}
-
-
 def test_killed_client_resumes(tmp_path: Path, target: Path, expected: dict[str, bytes]) -> None:
     site = waves(tmp_path)
     (tmp_path / "kill").write_text("48 32")
@@ -144,7 +138,8 @@ def test_killed_client_resumes(tmp_path: Path, target: Path, expected: dict[str,
     assert killed.returncode == -signal.SIGKILL
     assert not target.exists()
     part = target.with_name("out.zarr.part")
-    finished = tiles_of(part)
+    layers = [{f.name for f in (part / n).glob("[0-9]*.[0-9]")} for n in ("elevation", "variance")]
+    finished = {tuple(map(int, name.split("."))) for name in layers[0] & layers[1]}
     assert 0 < len(finished) < TILES
     (part / "elevation" / "6.abc.partial").write_bytes(b"of a worker that was killed")
     with pytest.raises(
