@@ -23,8 +23,7 @@ from grid_map_core_py.files import load_npz, save_npz
 def files(tmp_path) -> Path:
     """Return the folder of the test, with a map and other files."""
     save_npz(a_map(), tmp_path / "site.npz")
-    for name in "notes.txt", "site.rrd":
-        (tmp_path / name).write_text("no map")
+    (tmp_path / "site.rrd").write_text("no map")
     (tmp_path / "chain.yaml").write_text("filters: {}")
     return tmp_path
 
@@ -187,7 +186,6 @@ def test_points_and_meshes_become_maps(command):
 WRONG = {
     "info nowhere": (1, "nowhere: cannot be read: No such file"),
     "info chain.yaml": (1, "with the key 'image'. A filter chain runs with `grid-map filter`"),
-    "info notes.txt": (1, "notes.txt: expected a file or folder of one of the formats npz"),
     "info site.rrd": (1, "is written, not read; show it by `rerun site.rrd`"),
     "info -": (1, "standard input: cannot be read"),
     "inspect site.npz --bins 0": (2, "--bins: expected a number from 1"),
@@ -353,12 +351,8 @@ def plug_in(monkeypatch, tmp_path):
     (package / "__init__.py").write_text("raise SystemError('imported')")
     (package / "dance.py").write_text("raise OSError('no shoes')")
     monkeypatch.syspath_prepend(str(tmp_path))
-    entries = [
-        ("dance", "dancing.dance"),
-        ("gone", "no_such_package.gone"),
-        ("info", "dancing.info"),
-    ]
-    points = [EntryPoint(name, value, _main.GROUP) for name, value in entries]
+    names = {"dance": "dancing.dance", "gone": "no_such_package.gone", "info": "dancing.info"}
+    points = [EntryPoint(name, value, _main.GROUP) for name, value in names.items()]
     monkeypatch.setattr(_main, "entry_points", lambda **_: points)
 
 
