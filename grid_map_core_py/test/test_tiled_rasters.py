@@ -478,7 +478,7 @@ def test_existing_file_is_replaced_only_on_request():
 @pytest.mark.parametrize("cog", [True, False])
 @pytest.mark.parametrize("share", [0.001, 0.99])
 def test_full_disk_is_one_error_and_leaves_nothing(share, cog, full_disk):
-    values = RANDOM.random((1, 600, 700), np.float32)
+    values = RANDOM.random((1, 1000, 1100), np.float32)
     site = open_map(write("in.tif", values))
     site.to_geotiff("out.tif", cog=cog)
     length = Path("out.tif").stat().st_size
