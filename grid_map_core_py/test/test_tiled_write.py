@@ -76,7 +76,7 @@ patches = st.builds(
 @given(patches=st.lists(patches, min_size=1, max_size=3))
 def test_write_equals_add_data_from(patches: list[dict[str, object]]) -> None:
     with TemporaryDirectory() as folder:
-        site = open_map(make_store(Path(folder, "site.zarr")))
+        site = open_map(make_store(Path(folder, "site.zarr"), chunks=9))
         expected = site.to_map()
         for one in patches:
             part = random_patch(**one)
