@@ -37,10 +37,10 @@ def store(tmp_path: Path) -> Path:
     return make_store(tmp_path / "site.zarr")
 
 
-def make_store(path: Path, chunks: int = 6) -> Path:
+def make_store(path: Path) -> Path:
     geometry = GridGeometry.from_size(SIZE, RESOLUTION, CENTER)
     layers = ["elevation", "variance"]
-    TiledMap.create(path, geometry, layers, chunks=chunks, basic_layers=["elevation"])
+    TiledMap.create(path, geometry, layers, chunks=6, basic_layers=["elevation"])
     return path
 
 
@@ -76,7 +76,7 @@ patches = st.builds(
 @given(patches=st.lists(patches, min_size=1, max_size=3))
 def test_write_equals_add_data_from(patches: list[dict[str, object]]) -> None:
     with TemporaryDirectory() as folder:
-        site = open_map(make_store(Path(folder, "site.zarr"), chunks=9))
+        site = open_map(make_store(Path(folder, "site.zarr")))
         expected = site.to_map()
         for one in patches:
             part = random_patch(**one)
