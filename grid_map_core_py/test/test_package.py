@@ -29,14 +29,15 @@ for name in {MODULES!r}:
 def test_front_door_imports_conversions_and_files_on_use():
     code = """
 import sys
-import grid_map_core_py as gm
+import grid_map_core_py as gm, grid_map_core_py.tiled
 assert not any(name.startswith("scipy") for name in sys.modules)
 assert set(gm.__all__) <= set(dir(gm))
 for name in gm.__all__:
     assert getattr(gm, name) is not None
 assert gm.load is gm.files.load
-assert not {"trimesh", "pypcd4", "rasterio"} & set(sys.modules)
 assert gm.elevation.RollingMap
+libraries = {"trimesh", "pypcd4", "rasterio", "xarray", "dask", "distributed", "zarr", "pyproj"}
+assert not libraries & set(sys.modules)
 try:
     gm.lod
 except AttributeError as error:

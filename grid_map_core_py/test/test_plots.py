@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """`GridMap.plot`, which another package draws."""
 
+from importlib.metadata import EntryPoint, EntryPoints
+
 import pytest
 
 from grid_map_core_py import GridMap
@@ -8,19 +10,15 @@ from grid_map_core_py.errors import ConfigError, MissingPackageError
 from grid_map_core_py.map import _plots
 
 
+def draw(*given, **options):
+    return given, options
+
+
 @pytest.fixture
-def style(tmp_path, monkeypatch) -> str:
-    """The name of a style that an installed package offers."""
-    (tmp_path / "styles_of_a_test.py").write_text(
-        "def draw(*given, **options): return given, options"
-    )
-    (tmp_path / "styles-1.0.dist-info").mkdir()
-    about = tmp_path / "styles-1.0.dist-info"
-    (about / "METADATA").write_text("Metadata-Version: 2.1\nName: styles\nVersion: 1.0\n")
-    (about / "entry_points.txt").write_text(
-        "[grid_map_core_py.plots]\ntest = styles_of_a_test:draw\n"
-    )
-    monkeypatch.syspath_prepend(tmp_path)
+def style(monkeypatch) -> str:
+    """The name of a style that another package offers."""
+    point = EntryPoint("test", f"{__name__}:draw", "grid_map_core_py.plots")
+    monkeypatch.setattr(_plots, "entry_points", EntryPoints([point]).select)
     return "test"
 
 

@@ -39,18 +39,6 @@ def install(tmp_path, monkeypatch):
     return install
 
 
-def test_built_in_types_are_found_and_listed(registry):
-    assert registry["built_in"] is BuiltIn
-    assert registry.types == ("built_in", "other")
-
-
-def test_error_of_unknown_type_suggests_or_lists_types(registry):
-    with pytest.raises(ConfigError, match=r"unknown type 'built-in'; did you mean built_in\?"):
-        registry["built-in"]
-    with pytest.raises(ConfigError, match="unknown type ''; known: built_in, other"):
-        registry[""]
-
-
 @pytest.mark.parametrize(
     ("type_name", "hint"),
     [
@@ -60,10 +48,11 @@ def test_error_of_unknown_type_suggests_or_lists_types(registry):
             "known: .*their/Type. No installed package adds types of 'my_package'; ",
         ),
         ("their/Typ", r"did you mean their/Type\?$"),
-        ("built-in", r"did you mean built_in\?$"),
+        ("built-in", r"unknown type 'built-in'; did you mean built_in\?$"),
+        ("", r"unknown type ''; known: built_in, other, their/Type\.$"),
     ],
 )
-def test_type_of_a_package_that_is_not_sourced_is_explained(registry, install, type_name, hint):
+def test_error_of_unknown_type_suggests_types_and_packages(registry, install, type_name, hint):
     install("their/Type")
     with pytest.raises(ConfigError, match=hint):
         registry[type_name]

@@ -8,14 +8,13 @@ from hypothesis import given, strategies as st
 from grid_map_core_py import GridGeometry, GridMap, GridMapError, Interpolation, OutOfMapError
 from grid_map_core_py.testing import grid_maps
 
-METHODS = list(Interpolation)
 ODD_NUMBERS = [np.nan, np.inf, -np.inf, 1e308, -1e308, 0.0, -0.0, 5e-324]
 
 
 @st.composite
 def maps(draw):
     """Maps of all kinds, some of them far from the origin, where borders round."""
-    grid_map = draw(grid_maps(layers=("elevation", "x", "y", "z"), max_side=7))
+    grid_map = draw(grid_maps(layers=("elevation", "n_x", "n_y", "n_z"), max_side=7))
     centers = st.sampled_from([0.0, 0.5, -1 / 3, 123.4, 1e9, -7.3e15]) | st.floats(-50, 50)
     grid_map.position = draw(centers), draw(centers)
     return grid_map
@@ -76,7 +75,7 @@ def test_one_position_has_the_cell_found_among_many(drawn):
             assert outcome(grid_map.get_index, form) == (OutOfMapError, message)
 
 
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("method", Interpolation)
 @given(maps_and_positions())
 def test_one_position_has_the_value_found_among_many(method, drawn):
     grid_map, position = drawn
@@ -92,23 +91,23 @@ def test_one_cell_has_the_position_and_value_found_among_many(drawn):
     grid_map, cell = drawn
     center = outcome(lambda: grid_map.get_positions([cell])[0])
     valid = outcome(lambda: bool(grid_map.is_valid([cell])[0]))
-    both_valid = outcome(lambda: bool(grid_map.is_valid([cell], ["x", "y"])[0]))
+    both_valid = outcome(lambda: bool(grid_map.is_valid([cell], ["n_x", "n_y"])[0]))
     for form in forms_of(cell):
         assert outcome(grid_map.get_position, form) == center
         assert outcome(grid_map.is_valid, form) == valid
-        assert outcome(grid_map.is_valid, form, ["x", "y"]) == both_valid
-        assert outcome(grid_map.get_vector, "", form) == outcome(vector, grid_map, cell)
-        assert outcome(grid_map.get_position3, "z", form) == outcome(point, grid_map, cell)
+        assert outcome(grid_map.is_valid, form, ["n_x", "n_y"]) == both_valid
+        assert outcome(grid_map.get_vector, "n_", form) == outcome(vector, grid_map, cell)
+        assert outcome(grid_map.get_position3, "n_z", form) == outcome(point, grid_map, cell)
 
 
 def vector(grid_map, cell):
     grid_map.get_positions([cell])
-    values = np.array([grid_map[name][cell] for name in "xyz"], np.float64)
+    values = np.array([grid_map[f"n_{axis}"][cell] for axis in "xyz"], np.float64)
     return values if np.isfinite(values).all() else np.full(3, np.nan)
 
 
 def point(grid_map, cell):
-    values = np.append(grid_map.get_positions([cell])[0], grid_map["z"][cell])
+    values = np.append(grid_map.get_positions([cell])[0], grid_map["n_z"][cell])
     return values if np.isfinite(values).all() else np.full(3, np.nan)
 
 

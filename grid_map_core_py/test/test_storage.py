@@ -9,18 +9,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings, strategies as st
+from command_line import SECOND, a_map
+from hypothesis import given, strategies as st
 
 from grid_map_core_py import GridMap
 from grid_map_core_py.errors import GridMapError
-from grid_map_core_py.files import (
-    load_npz,
-    save_npz,
-)
-from grid_map_core_py.files._shared import (
-    load_yaml,
-    parse_yaml,
-)
+from grid_map_core_py.files import load_npz, save_npz
+from grid_map_core_py.files._shared import load_yaml, parse_yaml
 from grid_map_core_py.testing import assert_maps_equal, grid_maps
 
 NAMES = st.text(st.characters(exclude_categories=["Cc", "Cs"]), min_size=1)
@@ -31,16 +26,9 @@ def path(tmp_path) -> Path:
     return tmp_path / "map.npz"
 
 
-def sample_map(value: float = 0.25) -> GridMap:
-    layers = {"elevation": value, "variance": np.nan}
-    options = {"basic_layers": ["elevation"], "frame_id": "map", "timestamp": 2**60}
-    return GridMap((0.4, 0.3), 0.1, (1.0, -2.0), layers, **options)
-
-
 # --- round trips ----------------------------------------------------------------------------------
 
 
-@settings(max_examples=60)
 @given(grid_maps(("elevation", "variance")), st.booleans())
 def test_map_round_trips_exactly_in_map_order(grid_map, compress):
     with tempfile.TemporaryDirectory() as folder:
@@ -65,13 +53,11 @@ def test_any_name_round_trips(names, frame_id):
 
 
 def test_numpy_alone_can_read_it(path):
-    grid_map = sample_map()
-    grid_map["elevation"] = np.arange(12.0).reshape(4, 3)
-    save_npz(grid_map, path)
+    save_npz(a_map(), path)
     with np.load(path) as file:
-        np.testing.assert_array_equal(file["layers/elevation"], np.arange(12.0).reshape(4, 3))
+        np.testing.assert_array_equal(file["layers/elevation"], a_map().unwrapped("elevation"))
         metadata = json.loads(str(file["metadata"]))
-    assert (metadata["size"], metadata["timestamp"]) == ([4, 3], 2**60)
+    assert (metadata["size"], metadata["timestamp"]) == ([8, 6], 3 * SECOND)
 
 
 # --- damaged files --------------------------------------------------------------------------------
@@ -85,7 +71,7 @@ def npy(array: np.ndarray) -> bytes:
 
 def rewritten(path: Path, contents: dict[str, bytes], **metadata: object) -> Path:
     """Write a map with other members of the archive, or other metadata."""
-    save_npz(sample_map(), path)
+    save_npz(a_map(), path)
     with zipfile.ZipFile(path) as archive:
         members = {name: archive.read(name) for name in archive.namelist()}
     found = json.loads(str(np.load(io.BytesIO(members["metadata.npy"]))))
@@ -100,8 +86,7 @@ def rewritten(path: Path, contents: dict[str, bytes], **metadata: object) -> Pat
     ("changes", "reason"),
     [
         ({"format": "other"}, "expected format 'grid_map' of version 1, got 'other' 1"),
-        ({"version": 2}, "of version 1, got 'grid_map' 2"),
-        ({"size": [10**3, 10**3]}, "4, 3"),
+        ({"size": [10**3, 10**3]}, "8, 6"),
         ({"resolution": -1.0}, "resolution"),
         ({"layers": ["slope"]}, "slope.npy"),
         ({"frame_id": "\x1b[2J"}, "frame_id: expected a string without control characters"),

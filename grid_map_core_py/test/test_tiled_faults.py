@@ -11,6 +11,7 @@ import warnings
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import AbstractContextManager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -130,17 +131,6 @@ def test_lost_scheduler_ends_the_run(
     waves(tmp_path).to_zarr(target, resume=True)
 
 
-def tiles_of(part: Path) -> set[tuple[int, ...]]:
-    """Return the row and column of each tile that has its chunks in an unfinished store."""
-    layers = [{f.name for f in (part / n).glob("[0-9]*.[0-9]")} for n in ("elevation", "variance")]
-    return {tuple(map(int, name.split("."))) for name in layers[0] & layers[1]}
-
-
-def computed_tiles(site: Any) -> set[tuple[int, ...]]:
-    """Return the row and column of each tile that was computed, and forget them."""
-    return {tuple(int(cell) // 16 for cell in line.split()) for line in site.source.computed()}
-
-
 def test_killed_client_resumes(tmp_path: Path, target: Path, expected: dict[str, bytes]) -> None:
     site = waves(tmp_path)
     (tmp_path / "kill").write_text("48 32")
@@ -148,7 +138,8 @@ def test_killed_client_resumes(tmp_path: Path, target: Path, expected: dict[str,
     assert killed.returncode == -signal.SIGKILL
     assert not target.exists()
     part = target.with_name("out.zarr.part")
-    finished = tiles_of(part)
+    layers = [{f.name for f in (part / n).glob("[0-9]*.[0-9]")} for n in ("elevation", "variance")]
+    finished = {tuple(map(int, name.split("."))) for name in layers[0] & layers[1]}
     assert 0 < len(finished) < TILES
     (part / "elevation" / "6.abc.partial").write_bytes(b"of a worker that was killed")
     with pytest.raises(
@@ -158,7 +149,9 @@ def test_killed_client_resumes(tmp_path: Path, target: Path, expected: dict[str,
     site.source.computed()
     counts: list[tuple[int, int]] = []
     site.to_zarr(target, resume=True, progress=lambda *count: counts.append(count))
-    assert computed_tiles(site) == {divmod(n, 5) for n in range(TILES)} - finished
+    cells = [map(int, line.split()) for line in site.source.computed()]
+    computed = {(row // 16, column // 16) for row, column in cells}
+    assert computed == {divmod(n, 5) for n in range(TILES)} - finished
     assert counts[0] == (len(finished), TILES)
     assert files(target) == expected
     assert not part.exists()
@@ -175,6 +168,8 @@ def test_resume_of_another_run_is_refused(tmp_path: Path, target: Path) -> None:
         waves(tmp_path, tile=15).to_zarr(target, resume=True)
     with pytest.raises(GridMapError, match="begun with another layers"):
         site.to_zarr(target, resume=True, layers=["variance"])
+    with pytest.raises(GridMapError, match="begun with another place"):
+        replace(site, origin=(1.0, 0.0)).to_zarr(target, resume=True)
     assert files(part) == before
 
 

@@ -6,9 +6,8 @@ import os
 import pickle
 import subprocess
 import sys
-import threading
 import warnings
-from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -21,15 +20,10 @@ from grid_map_core_py.files import load_geotiff
 from grid_map_core_py.testing import assert_maps_equal
 from grid_map_core_py.tiled import TiledMap, open_map
 
-pytestmark = pytest.mark.needs("dask", "rasterio")
+pytestmark = [pytest.mark.needs("dask", "rasterio"), pytest.mark.usefixtures("in_folder")]
 
 UTM = "EPSG:25832"
 RANDOM = np.random.default_rng(16)
-
-
-@pytest.fixture(autouse=True)
-def in_folder(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
 
 
 def heights(lines: int, pixels: int, bands: int = 1) -> np.ndarray:
@@ -197,22 +191,15 @@ def test_other_processes_read_pickled_maps(method):
 def test_threads_read_at_once():
     site = open_map(write("a.tif", heights(300, 280), compress="deflate"))
     expected = site.to_map()["elevation"]
-    wrong = []
 
-    def read(seed: int) -> None:
-        generator = np.random.default_rng(seed)
-        for row, column in generator.integers(0, 200, (40, 2)):
+    def check(seed: int) -> None:
+        for row, column in np.random.default_rng(seed).integers(0, 200, (40, 2)):
             window = slice(row, row + 57), slice(column, column + 41)
             (found,) = site.source.read(window, site.layers)
-            if not np.array_equal(found, expected[window], equal_nan=True):
-                wrong.append(window)
+            np.testing.assert_array_equal(found, expected[window])
 
-    threads = [threading.Thread(target=read, args=(seed,)) for seed in range(4)]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join()
-    assert not wrong
+    with ThreadPoolExecutor(4) as pool:
+        assert len([*pool.map(check, range(4))]) == 4
 
 
 # --- mosaics --------------------------------------------------------------------------------------
@@ -395,10 +382,8 @@ def test_wrong_arguments_are_refused(capfd):
     write("a.tif", heights(5, 5), crs=None)
     with pytest.raises(GridMapError, match=r"a\.tif: .*has no reference system from which EPSG:4"):
         open_map("a.tif", crs="EPSG:4326")
-    with pytest.raises(ConfigError, match=r"crs: expected WKT, a code .*, got 'EPSG:nothing'"):
-        open_map(write("b.tif", heights(5, 5)), crs="EPSG:nothing")
     with pytest.raises(ConfigError, match=r"crs: expected WKT, a code .*, got 'EPSG:9999999'"):
-        open_map("b.tif", crs="EPSG:9999999")
+        open_map(write("b.tif", heights(5, 5)), crs="EPSG:9999999")
     assert not capfd.readouterr().err  # PROJ prints no message of its own
     with pytest.raises(ConfigError, match="path"):
         open_map([])
@@ -507,21 +492,18 @@ def test_full_disk_is_one_error_and_leaves_nothing(share, cog, full_disk):
     assert Path("out.tif").read_bytes() == before
 
 
-def peak_of_writing(cells: int) -> int:
-    """Return the peak memory of a process that writes a map without values [kB]."""
-    empty_raster("in.tif", cells).close()
+def test_memory_of_writing_does_not_grow_with_the_map():
     code = (
         "import resource\n"
         "from grid_map_core_py.tiled import open_map\n"
-        "open_map('in.tif', chunks=512).to_geotiff('out.tif', compress=False, overwrite=True)\n"
-        "print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)\n"
+        "for name in 'small.tif', 'large.tif':\n"
+        "    open_map(name, chunks=512).to_geotiff('out.tif', compress=False, overwrite=True)\n"
+        "    print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)\n"
     )
-    environ = {**os.environ, "GDAL_CACHEMAX": "20"}
-    words = [sys.executable, "-c", code]
-    done = subprocess.run(words, env=environ, capture_output=True, text=True, check=True)
-    return int(done.stdout)
-
-
-def test_memory_of_writing_does_not_grow_with_the_map():
     # The layers have 16 MB and 100 MB.
-    assert peak_of_writing(5000) - peak_of_writing(2000) < 40_000
+    empty_raster("small.tif", 2000).close()
+    empty_raster("large.tif", 5000).close()
+    options = {"env": {**os.environ, "GDAL_CACHEMAX": "20"}, "check": True, "text": True}
+    done = subprocess.run([sys.executable, "-c", code], stdout=subprocess.PIPE, **options)
+    small, large = map(int, done.stdout.split())
+    assert large - small < 40_000

@@ -10,6 +10,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from command_line import a_map as a_map_with_infinity
+from test_tiled_rasters import UTM
 
 from grid_map_core_py import GridMap
 from grid_map_core_py.errors import GridMapError
@@ -19,27 +21,18 @@ from grid_map_core_py.tiled import TiledMap, open_map
 
 pytestmark = pytest.mark.needs("xarray", "zarr")
 
-CODE = "EPSG:25832"
-
 
 def a_map() -> GridMap:
-    random = np.random.default_rng(0)
-    return GridMap(
-        (2.0, 3.0),
-        0.1,
-        (10.0, -4.0),
-        {"elevation": random.normal(size=(20, 30)), "variance": 0.5},
-        frame_id="utm",
-        timestamp=7,
-        basic_layers=["elevation"],
-    )
+    made = a_map_with_infinity()
+    made["variance"] = 0.25
+    return made
 
 
 @pytest.fixture
 def store(tmp_path: Path) -> Path:
     made = a_map()
-    about = {"basic_layers": ["elevation"], "frame_id": "utm", "timestamp": 7, "crs": CODE}
-    TiledMap.create(tmp_path / "a.zarr", made.geometry, made.layers, chunks=8, **about)
+    about = {name: getattr(made, name) for name in ("basic_layers", "frame_id", "timestamp")}
+    TiledMap.create(tmp_path / "a.zarr", made.geometry, made.layers, chunks=3, crs=UTM, **about)
     open_map(tmp_path / "a.zarr").write(made)
     return tmp_path / "a.zarr"
 
@@ -47,9 +40,8 @@ def store(tmp_path: Path) -> Path:
 def test_resolution_and_place_are_those_of_the_map(store: Path) -> None:
     site = pickle.loads(pickle.dumps(open_map(store)))
     assert_maps_equal(site.to_map(), a_map())
-    assert site.get_submap((10.0, -4.0), (0.35, 0.75)) == a_map().get_submap(
-        (10.0, -4.0), (0.35, 0.75)
-    )
+    window = (1.0, 2.0), (0.55, 0.35)
+    assert site.get_submap(*window) == a_map().get_submap(*window)
 
 
 def test_huge_chunks_are_refused(store: Path) -> None:
@@ -90,9 +82,10 @@ def test_stores_of_xarray_of_both_formats(tmp_path: Path, form: int) -> None:
         to_dataset(a_map()).to_zarr(tmp_path / "a.zarr", zarr_format=form)
     site = open_map(tmp_path / "a.zarr")
     assert_maps_equal(site.to_map(), a_map())
-    site.write(GridMap((0.1, 0.1), 0.1, a_map().geometry.centers((0, 0)), {"variance": 9.0}))
     expected = a_map()
-    expected["variance"][0, 0] = 9.0
+    place = expected.get_position((4, 5))
+    site.write(GridMap((0.1, 0.1), 0.1, place, {"variance": 9.0}, frame_id="odom"))
+    expected["variance"][4, 5] = 9.0
     assert_maps_equal(open_map(tmp_path / "a.zarr").to_map(), expected)
 
 

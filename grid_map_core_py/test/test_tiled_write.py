@@ -1,15 +1,14 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Maps that are merged into Zarr stores, compared with `GridMap.add_data_from` in memory."""
 
+import multiprocessing
 import shutil
-import subprocess
-import sys
 import warnings
-from collections.abc import Iterator
 from importlib import metadata
 from importlib.util import find_spec
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any
 
 import numpy as np
 import pytest
@@ -38,20 +37,19 @@ def store(tmp_path: Path) -> Path:
     return make_store(tmp_path / "site.zarr")
 
 
-def make_store(path: Path, chunks: int = 6) -> Path:
+def make_store(path: Path) -> Path:
     geometry = GridGeometry.from_size(SIZE, RESOLUTION, CENTER)
     layers = ["elevation", "variance"]
-    TiledMap.create(path, geometry, layers, chunks=chunks, basic_layers=["elevation"])
+    TiledMap.create(path, geometry, layers, chunks=6, basic_layers=["elevation"])
     return path
 
 
-def patch(size=(5, 4), position=(3.1, -0.9), value: float = 1.0, **options: object) -> GridMap:
+def patch(size=(5, 4), position=(3.1, -0.9), value: float = 1.0) -> GridMap:
     values = value + np.arange(size[0] * size[1], dtype=np.float32).reshape(size)
     return GridMap.from_geometry(
         GridGeometry.from_size(size, RESOLUTION, position),
         {"elevation": values, "variance": -values},
         frame_id="map",
-        **options,
     )
 
 
@@ -181,45 +179,26 @@ def test_write_refuses_a_store_of_scaled_integers(tmp_path: Path) -> None:
         site.write(patch(position=(0.0, 0.0)), layers=["elevation"])
 
 
-WRITER = """
-import sys
-from grid_map_core_py import GridMap
-from grid_map_core_py.tiled import open_map
-
-path, column = sys.argv[1], int(sys.argv[2])
-site = open_map(path)
-print("ready", flush=True)
-sys.stdin.readline()
-for row in range(site.size[0]):
-    center = site.geometry.centers((row, column))
-    site.write(GridMap((0.5, 0.5), 0.5, center, {"elevation": float(100 * row + column)}))
-"""
+def write_column(path: Path, column: int, barrier: Any) -> None:
+    site = open_map(path)
+    barrier.wait()
+    for row in range(site.size[0]):
+        center = site.geometry.centers((row, column))
+        site.write(GridMap((0.5, 0.5), 0.5, center, {"elevation": float(100 * row + column)}))
 
 
-@pytest.fixture
-def writers(store: Path) -> Iterator[list[subprocess.Popen[str]]]:
-    pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "text": True}
-    processes = [
-        subprocess.Popen([sys.executable, "-c", WRITER, str(store), str(column)], **pipes)
+def test_two_processes_write_the_same_chunks(store: Path) -> None:
+    context = multiprocessing.get_context("spawn")
+    barrier = context.Barrier(2)
+    writers = [
+        context.Process(target=write_column, args=(store, column, barrier), daemon=True)
         for column in (2, 3)
     ]
-    yield processes
-    for process in processes:
-        process.kill()
-        process.communicate()
-
-
-def test_two_processes_write_the_same_chunks(
-    store: Path, writers: list[subprocess.Popen[str]]
-) -> None:
-    for process in writers:
-        assert process.stdout is not None
-        assert process.stdout.readline() == "ready\n"
-    for process in writers:
-        assert process.stdin is not None
-        process.stdin.write("go\n")
-        process.stdin.flush()
-    assert [process.wait(30) for process in writers] == [0, 0]
+    for writer in writers:
+        writer.start()
+    for writer in writers:
+        writer.join(30)
+    assert [writer.exitcode for writer in writers] == [0, 0]
     expected = np.full(SIZE, np.nan, np.float32)
     expected[:, 2:4] = 100 * np.arange(SIZE[0])[:, None] + [2, 3]
     np.testing.assert_array_equal(open_map(store).to_map()["elevation"], expected)

@@ -142,27 +142,8 @@ def test_maps_of_many_cells_are_complete_and_in_order(size):
     np.testing.assert_array_equal(lowest["number"][0], values[0])
 
 
-def test_samples_close_the_gaps_of_a_turned_map():
-    grid_map = GridMap((20, 20), 0.5, layers={"elevation": 1.0})
-    turned, closed = (
-        grid_map.get_transformed_map(rigid(yaw=0.5), "elevation", "new", ratio)
-        for ratio in (0.0, 0.5)
-    )
-    positions = turned.get_positions() @ rigid(yaw=0.5)[:2, :2]
-    over = (np.abs(positions) < 9.5).all(axis=1).reshape(turned.size, order="F")
-    assert np.isnan(turned["elevation"][over]).any()
-    assert (closed["elevation"][over] == 1).all()
-
-
-def test_points_outside_of_the_result_are_dropped():
-    grid_map = GridMap((4, 4), 1.0, layers={"elevation": 0.0})
-    grid_map["elevation"][0, 0] = 100.0
-    result = grid_map.get_transformed_map(rigid(pitch=0.5), "elevation", "new")
-    assert np.nanmax(result["elevation"]) < 2
-
-
 def test_far_from_the_origin_every_cell_finds_its_place():
-    for shift in np.random.default_rng(1).uniform(4e6, 6e6, (50, 3)):
+    for shift in np.random.default_rng(1).uniform(4e6, 6e6, (20, 3)):
         grid_map = GridMap((4, 3), 0.1, layers={"elevation": 0.0, "number": np.ones((40, 30))})
         result = grid_map.get_transformed_map(rigid(translation=shift), "elevation", "utm")
         assert result.size == (40, 30)

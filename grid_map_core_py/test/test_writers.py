@@ -14,10 +14,7 @@ import numpy as np
 import pytest
 
 from grid_map_core_py import GridMap, GridMapError, load, save
-from grid_map_core_py.files._shared import (
-    new_file,
-    new_folder,
-)
+from grid_map_core_py.files._shared import new_file, new_folder
 
 OPTIONS = {
     "map.npz": {},

@@ -13,9 +13,7 @@ import numpy as np
 
 from grid_map_core_py.errors import GridMapError
 from grid_map_core_py.map import GridGeometry
-from grid_map_core_py.tiled import (
-    TiledMap,
-)
+from grid_map_core_py.tiled import TiledMap
 from grid_map_core_py.tiled._source import Window
 
 
