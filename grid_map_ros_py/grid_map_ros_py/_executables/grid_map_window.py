@@ -143,8 +143,9 @@ class GridMapWindowNode(ConfiguredNode):
     # --- maps to merge ----------------------------------------------------------------------------
 
     def _put(self, received: ReceivedMap) -> None:
-        self._writer.put(received)
-        self._health.defer()
+        if self._writer:
+            self._writer.put(received)
+            self._health.defer()
 
     def _merge(self, received: ReceivedMap) -> None:
         """Merge a received map into the store; runs in the writer thread."""
