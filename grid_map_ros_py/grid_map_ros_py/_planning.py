@@ -105,16 +105,18 @@ class Planner:
     def blocked(self, positions: Positions) -> Mask:
         """Return a mask (N,) of the blocked and unreachable positions of a plan (N, 2) [m].
 
-        A position is reachable from the previous one if both are in the same cell, if the graph
-        has a move between their cells, or if the straight line between them obeys all limits.
+        A position is reachable from the previous one if both are in the same free cell, if the
+        graph has a move between their cells, or if the straight line between them obeys all limits.
         """
         graph, ground = self.graph, self.graph._ground
         cells, inside = self.grid_map.geometry.cells_at(positions)
         index = ground.flat(*cells)
-        blocked: Mask = ~(inside & graph._free[index])
+        # A line of a plan may pass a cell at whose center the footprint is not free.
+        blocked: Mask = ~(inside & (ground.passable if len(index) > 1 else graph._free)[index])
         points = ground.to_points(positions)
         before, after = index[:-1], index[1:]
-        (ways,) = np.nonzero((before != after) & ~(blocked[:-1] | blocked[1:]))
+        is_way = (before != after) | ~graph._free[before]
+        (ways,) = np.nonzero(is_way & ~(blocked[:-1] | blocked[1:]))
         if len(ways):
             is_free = np.asarray(graph._matrix[after[ways], before[ways]]).ravel() > 0.0
             is_free |= np.isfinite(ground.straight(points[:, ways], points[:, ways + 1])[0])
