@@ -415,6 +415,13 @@ def test_a_footprint_stays_free_along_the_path(footprint, seed):
             assert check_path(grid_map, footprint, piece, **rules).is_free
 
 
+@pytest.mark.parametrize("lethal", [0.3, 0.7, 253.0])
+def test_costs_equal_to_lethal_are_blocked(lethal):
+    grid_map = a_map([[0.0, lethal, 0.0]])
+    field = TravelGraph(grid_map, cost="cost", lethal=lethal).cost_to(center(grid_map, 0, 0))
+    assert field.costs.tolist() == [[0.0, np.inf, np.inf]]
+
+
 @pytest.fixture(scope="module")
 def walled():
     costs = np.zeros((4, 9))
