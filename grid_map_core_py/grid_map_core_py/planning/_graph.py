@@ -94,7 +94,8 @@ class TravelGraph:
         max_step: largest step in height between two cells that share a side [m]. It applies to all
             cells that a move passes. Needs `elevation`.
         footprint: outline of the robot; None if the robot fits into a cell. At both ends of a move,
-            the footprint must be free when the robot faces along the move.
+            the footprint must be free when the robot faces along the move. For a start, or a goal
+            without a yaw, it must be free at the center of the cell, in at least one direction.
         neighbors: number of moves from each cell, 8 or 16. On open, flat ground, costs exceed the
             straight distance by at most 8.3 % with 8 moves, and by at most 2.8 % with 16.
         unknown: whether cells whose cost is NaN are `"blocked"`, or `"free"` at a cost of 0. Cells
