@@ -371,6 +371,16 @@ def test_a_tolerance_leads_to_the_nearest_cell_within_reach():
     assert caught.value.reason is PathFailure.GOAL_OUTSIDE_MAP
 
 
+def test_distance_of_nearest_free_cell_suffices_as_tolerance():
+    grid_map = GridMap((4.0, 3.0), 0.1, layers={"cost": 0.0})
+    grid_map["cost"][3:8, 13:18] = 254.0
+    graph, goal = TravelGraph(grid_map, cost="cost", lethal=253), grid_map.get_position((5, 15))
+    with pytest.raises(NoPathError, match=r"nearest free cell .*, 0\.3 m away"):
+        graph.path((-1.0, 1.0), goal)
+    end = graph.path((-1.0, 1.0), goal, tolerance=0.3).positions[-1]
+    assert math.dist(end, goal) == pytest.approx(0.3)
+
+
 def test_a_footprint_may_leave_the_map_with_free_unknown_cells():
     grid_map = a_map(np.zeros((3, 8)))
     ends = center(grid_map, 0, 0), center(grid_map, 0, 7)

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 
 from .._arrays._checks import Integers, Mask, Positions, as_array, as_finite, as_text
 from ..errors import GeometryError, GridMapError
+from ..map._axis import BORDER_TOLERANCE
 from ..map._grid_map import GridMap
 from ..plugins import check
 from ._footprint import Footprint
@@ -233,7 +234,7 @@ class TravelGraph:
                 raise
         reached = breadth_first_order(self._matrix.T, first, return_predecessors=False)
         nearest, distance = self._nearest(pose, reached[self._free_in(pose)[reached]])
-        if not distance <= tolerance:
+        if not distance <= tolerance + BORDER_TOLERANCE:
             ends = f"{as_text(pose[:2])} or a cell at most {tolerance:g} m away"
             count = f"{len(reached)} of {np.count_nonzero(self._free)} free cells"
             text = f"goal: no path leads to {ends}; {count} can be reached from the start"
