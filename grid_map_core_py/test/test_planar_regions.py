@@ -55,6 +55,13 @@ def test_at_and_nearest_equal_shapely(rubble, positions, limit):
     assert 100 < found <= len(positions)
 
 
+@pytest.mark.parametrize("distance", [0.1, 0.2, 0.3, 0.6])
+def test_nearest_region_may_be_at_largest_distance(distance):
+    regions = extract_planes(GridMap((2.0, 2.0), 0.1, layers={"elevation": 0.0}))
+    assert regions.nearest((0.95 + distance, 0.0), distance) is not None
+    assert regions.nearest((0.95 + distance, 0.0), distance - 1e-6) is None
+
+
 @pytest.mark.needs("shapely")
 def test_project_equals_shapely(rubble, positions):
     from shapely import Point, shortest_line
