@@ -12,7 +12,7 @@ from grid_map_core_py import GridMap
 from grid_map_core_py._arrays._checks import Mask, Positions
 from grid_map_core_py._parameters import mismatch
 from grid_map_core_py.planning import Footprint, SlopeLimits, TravelGraph
-from grid_map_core_py.planning._footprint import parsed_footprint
+from grid_map_core_py.planning._footprint import LEAST_WIDTH, parsed_footprint
 from grid_map_core_py.plugins import check
 
 
@@ -60,6 +60,8 @@ class PlannerSettings:
                 check(0 <= value <= 0.5 * math.pi, name, "radians from 0 to pi / 2", value)
             elif isinstance(value, float):
                 check(0 <= value < math.inf, name, "a number of at least 0", value)
+        radius, expected = self.robot_radius, f"0, or a length > {LEAST_WIDTH:g} [m]"
+        check(radius == 0 or radius > LEAST_WIDTH, "robot_radius", expected, radius)
         steepness = self.max_slope_up, self.max_slope_down, self.max_slope_cross, self.max_step
         if not self.elevation_layer and (any(steepness) or not self.cost_layer):
             expected = "a layer, as there are limits for slopes or steps, or no cost_layer"
