@@ -399,7 +399,8 @@ def test_wrong_rules_are_refused(change, error, text):
         (lambda _: Footprint([(0, 0), (1, 1), (1, 0), (0, 1)]), "that does not cross itself"),
         (lambda _: Footprint([(0, 0), (1, np.nan), (1, 0)]), "expected finite x, y of shape"),
         (lambda _: Footprint.rectangle(1.0, 1e-9), "points: expected .* at least 1e-06 m wide"),
-        (lambda _: Footprint.circle(0.0), "radius: expected a positive number, got 0.0"),
+        (lambda _: Footprint.circle(0.0), r"radius: expected a length > 1e-06 \[m\], got 0.0"),
+        (lambda _: Footprint.circle(1e-6), r"radius: expected a length > 1e-06 \[m\], got 1e-06"),
         (
             lambda m: check_pose(m, ROBOT, (0, 0), **RULES),
             r"pose: .* of shape \(3,\), got \(0, 0\)",

@@ -336,6 +336,16 @@ def test_a_tolerance_leads_to_the_nearest_cell_within_reach():
     assert caught.value.reason is PathFailure.GOAL_OUTSIDE_MAP
 
 
+def test_distance_of_nearest_free_cell_suffices_as_tolerance():
+    grid_map = GridMap((4.0, 3.0), 0.1, layers={"cost": 0.0})
+    grid_map["cost"][3:8, 13:18] = 254.0
+    graph, goal = TravelGraph(grid_map, cost="cost", lethal=253), grid_map.get_position((5, 15))
+    with pytest.raises(NoPathError, match=r"nearest free cell .*, 0\.3 m away"):
+        graph.path((-1.0, 1.0), goal)
+    end = graph.path((-1.0, 1.0), goal, tolerance=0.3).positions[-1]
+    assert math.dist(end, goal) == pytest.approx(0.3)
+
+
 def test_a_footprint_may_leave_the_map_with_free_unknown_cells():
     grid_map = a_map(np.zeros((3, 8)))
     ends = center(grid_map, 0, 0), center(grid_map, 0, 7)
@@ -378,6 +388,13 @@ def test_a_footprint_stays_free_along_the_path(footprint, seed):
         cells = (grid_map.geometry.corner - np.stack([a, b])) / 0.1 - 0.5
         if np.abs(cells - np.rint(cells)).max() > 1e-6:
             assert check_path(grid_map, footprint, piece, **rules).is_free
+
+
+@pytest.mark.parametrize("lethal", [0.3, 0.7, 253.0])
+def test_costs_equal_to_lethal_are_blocked(lethal):
+    grid_map = a_map([[0.0, lethal, 0.0]])
+    field = TravelGraph(grid_map, cost="cost", lethal=lethal).cost_to(center(grid_map, 0, 0))
+    assert field.costs.tolist() == [[0.0, np.inf, np.inf]]
 
 
 @pytest.fixture(scope="module")

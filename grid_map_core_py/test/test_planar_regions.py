@@ -55,6 +55,13 @@ def test_at_and_nearest_equal_shapely(rubble, positions, limit):
     assert 100 < found <= len(positions)
 
 
+@pytest.mark.parametrize("distance", [0.1, 0.2, 0.3, 0.6])
+def test_nearest_region_may_be_at_largest_distance(distance):
+    regions = extract_planes(GridMap((2.0, 2.0), 0.1, layers={"elevation": 0.0}))
+    assert regions.nearest((0.95 + distance, 0.0), distance) is not None
+    assert regions.nearest((0.95 + distance, 0.0), distance - 1e-6) is None
+
+
 @pytest.mark.needs("shapely")
 def test_project_equals_shapely(rubble, positions):
     from shapely import Point, shortest_line
@@ -162,6 +169,20 @@ def test_convex_polygon_has_most_of_best_area(seed):
             for most in (3, 5):
                 corners = convex_inside(region, position, most)
                 assert 0 < assert_convex_inside(region, position, corners, most) <= area
+
+
+@pytest.mark.needs("shapely")
+def test_convex_polygon_avoids_edges_in_line_with_position():
+    from shapely import Point
+
+    grid_map = GridMap((2.0, 2.0), 0.1)
+    near_x, near_y = (np.abs(axis) < 0.5 for axis in grid_map.axes())
+    grid_map["elevation"] = np.where(near_x[:, None] & near_y, 0.3, 0.0)
+    floor = next(region for region in extract_planes(grid_map) if region.holes)
+    inside = [one for one in grid_map.get_positions() if polygon(floor).contains(Point(one))]
+    assert len(inside) > 100
+    for position in inside:
+        assert_convex_inside(floor, position, convex_inside(floor, position))
 
 
 # Ids

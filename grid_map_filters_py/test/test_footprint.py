@@ -56,14 +56,20 @@ def test_reach_of_footprints(params, cells):
     [
         ({}, "exactly one of 'footprint' and 'radius'"),
         ({"radius": 1.0, "footprint": FOOTPRINT}, "exactly one of 'footprint' and 'radius'"),
-        ({"radius": 0.0}, r"'radius': expected a length > 0 \[m\], got 0"),
-        ({"radius": math.nan}, r"'radius': expected a length > 0 \[m\], got nan"),
+        *(
+            ({"radius": value}, r"radius: expected a length > 1e-06 \[m\], got ")
+            for value in (0.0, 1e-7, math.nan)
+        ),
         ({"radius": 1.0, "yaws": 0}, "'yaws': expected a number of directions >= 1, got 0"),
         ({"radius": 1.0, "statistic": "median"}, "'statistic': expected one of 'min'"),
         ({"radius": 1.0, "directions": "all"}, "'directions': expected one of 'worst'"),
         *(
             ({"footprint": text}, r"'footprint': expected corners \[x, y\] \[m\] in order along")
             for text in ("0.3", "", "[[1, 2", "[[0, 0], [1, 1], [1, 0], [0, 1]]", [[1.0], [2.0]])
+        ),
+        *(
+            ({"footprint": count * "-" + "1"}, r"'footprint': expected corners .* got '---")
+            for count in (3000, 100000)  # more nested than Python can parse
         ),
     ],
 )

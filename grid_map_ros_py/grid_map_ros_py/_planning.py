@@ -12,7 +12,7 @@ from grid_map_core_py import GridMap
 from grid_map_core_py._arrays._checks import Mask, Positions
 from grid_map_core_py._parameters import mismatch
 from grid_map_core_py.planning import Footprint, SlopeLimits, TravelGraph
-from grid_map_core_py.planning._footprint import parsed_footprint
+from grid_map_core_py.planning._footprint import LEAST_WIDTH, parsed_footprint
 from grid_map_core_py.plugins import check
 
 
@@ -60,6 +60,8 @@ class PlannerSettings:
                 check(0 <= value <= 0.5 * math.pi, name, "radians from 0 to pi / 2", value)
             elif isinstance(value, float):
                 check(0 <= value < math.inf, name, "a number of at least 0", value)
+        radius, expected = self.robot_radius, f"0, or a length > {LEAST_WIDTH:g} [m]"
+        check(radius == 0 or radius > LEAST_WIDTH, "robot_radius", expected, radius)
         steepness = self.max_slope_up, self.max_slope_down, self.max_slope_cross, self.max_step
         if not self.elevation_layer and (any(steepness) or not self.cost_layer):
             expected = "a layer, as there are limits for slopes or steps, or no cost_layer"
@@ -105,16 +107,18 @@ class Planner:
     def blocked(self, positions: Positions) -> Mask:
         """Return a mask (N,) of the blocked and unreachable positions of a plan (N, 2) [m].
 
-        A position is reachable from the previous one if both are in the same cell, if the graph
-        has a move between their cells, or if the straight line between them obeys all limits.
+        A position is reachable from the previous one if both are in the same free cell, if the
+        graph has a move between their cells, or if the straight line between them obeys all limits.
         """
         graph, ground = self.graph, self.graph._ground
         cells, inside = self.grid_map.geometry.cells_at(positions)
         index = ground.flat(*cells)
-        blocked: Mask = ~(inside & graph._free[index])
+        # A line of a plan may pass a cell at whose center the footprint is not free.
+        blocked: Mask = ~(inside & (ground.passable if len(index) > 1 else graph._free)[index])
         points = ground.to_points(positions)
         before, after = index[:-1], index[1:]
-        (ways,) = np.nonzero((before != after) & ~(blocked[:-1] | blocked[1:]))
+        is_way = (before != after) | ~graph._free[before]
+        (ways,) = np.nonzero(is_way & ~(blocked[:-1] | blocked[1:]))
         if len(ways):
             is_free = np.asarray(graph._matrix[after[ways], before[ways]]).ravel() > 0.0
             is_free |= np.isfinite(ground.straight(points[:, ways], points[:, ways + 1])[0])

@@ -263,3 +263,15 @@ def test_new_plans_are_free_until_a_cell_is_blocked(seed: int, settings: dict[st
     middle = len(plan) // 2
     grid_map["cost"][grid_map.get_index(plan[middle])] = 254.0
     assert Planner(grid_map, PlannerSettings(**settings)).blocked(plan)[middle]
+
+
+@pytest.mark.parametrize("seed", [92, 134, 201])  # lines pass cells that are not free at the center
+def test_new_plans_of_round_robots_are_free(seed: int) -> None:
+    random, settings = np.random.default_rng(seed), PlannerSettings(robot_radius=0.17)
+    grid_map = GridMap((6.0, 5.0), 0.1, layers={"elevation": 0.0})
+    grid_map["cost"] = np.where(random.random((60, 50)) < 0.02, 254.0, 0.0)
+    planner = Planner(grid_map, settings)
+    plan = planner.graph.path(*random.uniform(-2.0, 2.0, (2, 2)), tolerance=2.0).positions
+    assert not planner.blocked(plan).any()
+    grid_map["cost"][grid_map.get_index(plan[len(plan) // 2])] = 254.0
+    assert Planner(grid_map, settings).blocked(plan).any()

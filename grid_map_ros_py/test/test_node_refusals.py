@@ -68,6 +68,7 @@ REFUSED = {
         ({"cost_layer": "''", "elevation_layer": "''"}, "'elevation_layer': expected a layer, as"),
         ({"elevation_layer": "''", "max_step": 0.1}, "'elevation_layer': expected a layer, as"),
         ({"footprint": "'[[0.1, 0.2]]'"}, "'footprint': expected corners [x, y] [m] in order"),
+        ({"robot_radius": 1e-7}, "'robot_radius': expected 0, or a length > 1e-06 [m], got 1e-07"),
         ({"neighbors": 4}, "parameter 'neighbors': expected one of 8, 16, got 4 (int)"),
         ({"max_slope_up": 25.0}, "'max_slope_up': expected radians from 0 to pi / 2, got 25.0"),
     ],

@@ -57,6 +57,9 @@ def convex_inside(region: PlanarRegion, position: ArrayLike, vertices: int = 16)
     place = (start.conj() * end).imag / (end - start).imag
     outline = np.full(turn.size, np.inf)
     np.minimum.at(outline, across[1], np.where(place > 0, place, np.inf))
+    # A direction may also graze a corner or run along an edge.
+    grazed = np.nonzero((np.abs(starts.imag) <= _CLEARANCE) & (starts.real > 0))
+    np.minimum.at(outline, grazed[1], starts[grazed].real)
     half_way = (0.5 * outline * _DIRECTIONS)[np.argsort(outline)[-_SEGMENTS:]]
     best = max((_grown(edges, end.real, end.imag) for end in half_way), key=_area)
     return origin + _SHRUNK * _reduced(best, vertices)

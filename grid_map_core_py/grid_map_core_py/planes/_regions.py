@@ -155,7 +155,7 @@ class PlanarRegions(Sequence[PlanarRegion]):
             return None
         distances = np.hypot(*self._to_polygons(place)[0].T)
         best = int(distances.argmin())
-        return self[best] if distances[best] <= max(limit, BORDER_TOLERANCE) else None
+        return self[best] if distances[best] <= limit + BORDER_TOLERANCE else None
 
     def project(self, points: ArrayLike) -> Positions:
         """Project points onto the regions.

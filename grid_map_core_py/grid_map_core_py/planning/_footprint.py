@@ -24,7 +24,7 @@ from ..plugins import check
 from ..regions import Polygon
 
 _CIRCLE_CORNERS = 32
-_WIDTH = 1e-6  # least width of a footprint [m]
+LEAST_WIDTH = 1e-6  # least width of a footprint [m]
 _FAR = 2.0**30  # row or column that is beyond every map
 _BATCH = 2**17  # edges times cells that are compared at once; they fit into the cache
 
@@ -57,10 +57,10 @@ class Footprint:
         side = np.sign(x * (self.points - begin)[..., 1] - y * (self.points - begin)[..., 0])
         parts = side * np.roll(side, -1, axis=1) < 0
         # A narrower footprint on the border of a cell would touch no cell.
-        least = 0.5 * _WIDTH * np.hypot(*edges).sum()
+        least = 0.5 * LEAST_WIDTH * np.hypot(*edges).sum()
         if len(begin) < 3 or not self._polygon.area > least or (parts & parts.T).any():
             expected = "at least 3 corners in order along an outline that does not cross itself"
-            expected += f" and is at least {_WIDTH:g} m wide"
+            expected += f" and is at least {LEAST_WIDTH:g} m wide"
             raise GeometryError(f"points: expected {expected}, got {short(points)}")
 
     @classmethod
@@ -68,9 +68,9 @@ class Footprint:
         """Return a polygon with 32 corners that encloses a circle around the origin.
 
         Args:
-            radius: radius of the circle [m].
+            radius: radius of the circle [m], more than 1e-6.
         """
-        outer = as_finite(radius, "radius", "a positive number", above=0.0)
+        outer = as_finite(radius, "radius", f"a length > {LEAST_WIDTH:g} [m]", above=LEAST_WIDTH)
         outer /= math.cos(math.pi / _CIRCLE_CORNERS)
         angles = 2.0 * math.pi * np.arange(_CIRCLE_CORNERS) / _CIRCLE_CORNERS
         return cls(outer * np.stack([np.cos(angles), np.sin(angles)], axis=1))
@@ -104,7 +104,7 @@ def parsed_footprint(corners: Any) -> Footprint:
     """Return the footprint of a parameter `footprint`: a list of corners, or its text."""
     try:
         return Footprint(literal_eval(corners) if isinstance(corners, str) else corners)
-    except (GeometryError, SyntaxError, TypeError, ValueError) as error:
+    except (MemoryError, RecursionError, SyntaxError, TypeError, ValueError) as error:
         expected = "corners [x, y] [m] in order along an outline that does not cross itself"
         raise mismatch("footprint", expected, corners) from error
 

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 
 from .._arrays._checks import Integers, Mask, Positions, as_array, as_finite, as_text
 from ..errors import GeometryError, GridMapError
+from ..map._axis import BORDER_TOLERANCE
 from ..map._grid_map import GridMap
 from ..plugins import check
 from ._footprint import Footprint
@@ -94,7 +95,8 @@ class TravelGraph:
         max_step: largest step in height between two cells that share a side [m]. It applies to all
             cells that a move passes. Needs `elevation`.
         footprint: outline of the robot; None if the robot fits into a cell. At both ends of a move,
-            the footprint must be free when the robot faces along the move.
+            the footprint must be free when the robot faces along the move. For a start, or a goal
+            without a yaw, it must be free at the center of the cell, in at least one direction.
         neighbors: number of moves from each cell, 8 or 16. On open, flat ground, costs exceed the
             straight distance by at most 8.3 % with 8 moves, and by at most 2.8 % with 16.
         unknown: whether cells whose cost is NaN are `"blocked"`, or `"free"` at a cost of 0. Cells
@@ -149,7 +151,8 @@ class TravelGraph:
         if unknown == "free":
             known, costs = ~np.isnan(heights), np.nan_to_num(costs, nan=0.0, posinf=np.inf)
         most = math.inf if lethal is None else as_finite(lethal, "lethal")
-        passable = np.isfinite(heights) & (costs < most)
+        # In float32, a cost that was set to the limit is not below it.
+        passable = np.isfinite(heights) & (costs < np.float32(most))
         heights[np.isinf(heights)] = np.nan
         # On flat ground, only the border around the map has no height.
         may_leave = unknown == "free" and elevation is None
@@ -231,7 +234,7 @@ class TravelGraph:
                 raise
         reached = breadth_first_order(self._matrix.T, first, return_predecessors=False)
         nearest, distance = self._nearest(pose, reached[self._free_in(pose)[reached]])
-        if not distance <= tolerance:
+        if not distance <= tolerance + BORDER_TOLERANCE:
             ends = f"{as_text(pose[:2])} or a cell at most {tolerance:g} m away"
             count = f"{len(reached)} of {np.count_nonzero(self._free)} free cells"
             text = f"goal: no path leads to {ends}; {count} can be reached from the start"

@@ -188,7 +188,7 @@ class Ground:
             begin, end: (2, M) end points of the lines [cells].
             most: largest cost of an allowed line, (M,) or scalar.
         """
-        pieces = np.maximum(np.ceil(np.abs(end - begin).max(axis=0)), 1.0)
+        pieces = np.maximum(np.ceil(np.abs(end - begin).max(axis=0) - EQUAL), 1.0)
         points, extent, line = divided(begin, end, pieces)
         # Lines of no length, and heights over blocked cells only, are NaN and not allowed.
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -199,8 +199,9 @@ class Ground:
         if self.footprint is not None:
             tested = np.flatnonzero(np.isfinite(total))
             begin, end = begin[:, tested], end[:, tested]
-            # At most half a cell apart, as in `check_path`.
-            steps = np.ceil(2.0 * np.hypot(*(end - begin)))
+            # At most half a cell apart, as in `check_path`. The ends of all pieces are tested.
+            parts = pieces[tested]
+            steps = parts * np.ceil(2.0 * np.hypot(*(end - begin)) / parts - EQUAL)
             points, _, line = divided(begin, end, steps)
             points, line = np.append(points, end, axis=1), np.append(line, np.arange(tested.size))
             yaws = np.arctan2(*(begin - end)[::-1])[line]

@@ -30,8 +30,8 @@ class Cost(CellFilter):
         1 + floor(252 u)     if 0 < u < 1,
         254 (lethal)         if u >= 1.
 
-    Only `InflationFilter` assigns cost 253. `free_value` and `lethal_value` are rounded to float32,
-    the precision of the layers.
+    Only `InflationFilter` assigns cost 253. `free_value`, `lethal_value` and `lethal_above` are
+    rounded to float32, the precision of the layers.
 
     Attributes:
         input_layer: layer to convert; cells that are not finite are unknown.
@@ -80,7 +80,7 @@ class Cost(CellFilter):
         missing = {"unknown": np.nan, "lethal": LETHAL, "free": FREE}[self.unknown]
         costs[~np.isfinite(values)] = missing
         if second is not None and self.lethal_above is not None:
-            costs[second.astype(np.float64) > self.lethal_above] = LETHAL
+            costs[second > _rounded(self.lethal_above)] = LETHAL
         return costs
 
 

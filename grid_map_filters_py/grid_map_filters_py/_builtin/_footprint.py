@@ -59,7 +59,6 @@ class Footprint(LayerFilter):
     def _outline(self) -> planning.Footprint:
         if self.radius is None:
             return parsed_footprint(self.footprint)
-        check(0.0 < self.radius < math.inf, "radius", "a length > 0 [m]", self.radius)
         return planning.Footprint.circle(self.radius)
 
     def _filter(self, layer: Layer, resolution: float) -> Layer:
