@@ -145,6 +145,10 @@ def test_stores_become_cloud_optimized_rasters_and_back(command):
     assert_maps_equal(load("back.zarr"), a_map())
     assert command("convert site.tif copy.tif --workers 1")[0] == 0
     assert_maps_equal(load("copy.tif"), a_map())
+    for words in ("convert site.zarr other.tif", "convert site.zarr other.tif --cog --force"):
+        assert command(f"{words} --crs EPSG:25833")[0] == 0
+        with rasterio.open("other.tif") as raster:
+            assert raster.crs.to_epsg() == 25833
     code, _, error = command("convert site.tif b.tif --resume")
     assert (code, "--resume is for" in error) == (2, True)
 

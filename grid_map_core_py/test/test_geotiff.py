@@ -73,7 +73,7 @@ def test_reference_system_survives_files_and_copies(rasterio, origin):
     found = found.copy().get_submap(found.position, found.length)
     found = change_resolution(found.without_layers([]), 5.0)
     found["same"] = found.to_xarray()["elevation"]
-    save(GridMap.from_xarray(found.to_xarray()), "last.tif")
+    save(GridMap.from_xarray(found.to_xarray(crs=25832)), "last.tif", crs="EPSG:25832")
     with rasterio.open("first.tif") as first, rasterio.open("last.tif") as last:
         assert (last.crs, last.bounds) == (first.crs, first.bounds)
     assert not found.get_transformed_map(np.eye(4), "elevation", "odom").crs
@@ -103,6 +103,9 @@ def test_foreign_rasters_may_have_mask_and_scale():
         position = (691_001.0 + 2 * column, 5_334_999.0 - 2 * row)
         expected = np.nan if value == -9 else 10.0 + 0.5 * value
         np.testing.assert_equal(dem.at_position("elevation", position), expected)
+    assert load_geotiff("dem.tif", layers=[]).layers == ()
+    write("large.tif", 500_000_000 + PIXELS.astype(np.int32), scale=(1.0, -5e8))
+    np.testing.assert_array_equal(load_geotiff("large.tif")["elevation"].T[:, ::-1], PIXELS[0])
 
 
 @pytest.mark.parametrize("scale", [(np.inf, 0.0), (1.0, np.nan)])

@@ -220,10 +220,11 @@ class TestAddDataFrom:
         terrain.start_index = (3, 2)
         before = terrain.copy()
         other = GridMap((2, 2), 1.0, position, {"a": 1.0}, frame_id=frame_id)
+        other.crs = "EPSG:25832"
         with pytest.raises(error, match=message):
             terrain.add_data_from(other, extend_map=True, overwrite_data=True, layers=layers)
         assert_maps_equal(terrain, before)
-        assert terrain.start_index == (3, 2)
+        assert (terrain.start_index, terrain.crs) == ((3, 2), "")
 
     @pytest.mark.parametrize("other", [None, {"elevation": 1.0}, np.zeros((2, 2))])
     def test_object_other_than_a_map_is_refused(self, terrain, other):

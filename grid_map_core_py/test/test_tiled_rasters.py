@@ -94,8 +94,9 @@ def test_windows_equal_reading_of_rasterio(kind):
     site = open_map(RASTERS[kind](), chunks=23)
     with rasterio.open("a.tif") as raster:
         pixels = raster.read(masked=True)
-        scale = np.array([raster.scales, raster.offsets], np.float32)[..., None, None]
-        expected = pixels.astype(np.float32).filled(np.nan) * scale[0] + scale[1]
+        scale = np.array([raster.scales, raster.offsets])[..., None, None]
+        expected = pixels.astype(np.float64).filled(np.nan) * scale[0] + scale[1]
+        expected = expected.astype(np.float32)
         left, bottom, right, top = raster.bounds
     assert site.position.tolist() == [(left + right) / 2, (bottom + top) / 2]
     assert site.length.tolist() == [right - left, top - bottom]
@@ -461,6 +462,14 @@ def test_map_is_computed_by_cluster_in_another_folder(cluster):
     with cluster.as_current():
         a_site().to_geotiff("out.tif")
     assert_maps_equal(load_geotiff("out.tif"), load_geotiff("in.tif"))
+
+
+def test_replaced_raster_must_be_opened_again():
+    site = a_site(20, 30)
+    assert site.to_map().size == (30, 20)
+    write("in.tif", heights(20, 30, 1))
+    with pytest.raises(GridMapError, match=r"in\.tif: the file has been replaced"):
+        site.to_map()
 
 
 def test_existing_file_is_replaced_only_on_request():

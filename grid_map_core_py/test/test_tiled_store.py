@@ -13,7 +13,7 @@ import pytest
 from command_line import a_map as a_map_with_infinity
 from test_tiled_rasters import UTM
 
-from grid_map_core_py import GridMap
+from grid_map_core_py import GridMap, save
 from grid_map_core_py.errors import GridMapError
 from grid_map_core_py.map import GridGeometry
 from grid_map_core_py.testing import assert_maps_equal
@@ -42,6 +42,14 @@ def test_resolution_and_place_are_those_of_the_map(store: Path) -> None:
     assert_maps_equal(site.to_map(), a_map())
     window = (1.0, 2.0), (0.55, 0.35)
     assert site.get_submap(*window) == a_map().get_submap(*window)
+
+
+def test_links_to_stores_stay_when_the_store_is_replaced(store: Path, tmp_path: Path) -> None:
+    (tmp_path / "link.zarr").symlink_to(store)
+    expected = GridMap((1.0, 1.0), 0.5, layers={"elevation": 3.0})
+    save(expected, tmp_path / "link.zarr")
+    assert (tmp_path / "link.zarr").is_symlink()
+    assert_maps_equal(open_map(store).to_map(), expected)
 
 
 def test_huge_chunks_are_refused(store: Path) -> None:

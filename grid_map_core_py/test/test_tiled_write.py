@@ -224,6 +224,11 @@ def test_write_tells_that_the_store_was_replaced(tmp_path: Path) -> None:
     TiledMap.create(path, GridGeometry.from_size((3, 3), RESOLUTION), ["elevation"])
     with pytest.raises(GridMapError, match="has been replaced"):
         site.write(patch(), layers=["elevation"])
+    shutil.rmtree(path)
+    moved = GridGeometry.from_size(SIZE, RESOLUTION, np.add(CENTER, 9 * RESOLUTION))
+    TiledMap.create(path, moved, site.layers)
+    with pytest.raises(GridMapError, match="has been replaced"):
+        site.to_map(["elevation"])
 
 
 @pytest.mark.parametrize("name", ["a/b", ".hidden", "x", ""])

@@ -171,6 +171,9 @@ def test_marked_values_are_nan_and_scales_are_applied():
     array = raster(np.array([[1, -9999], [3, 4]], np.int16), attrs=attrs)
     layer = GridMap.from_xarray(array)["elevation"]
     np.testing.assert_allclose(layer.T[:, ::-1], [[100.1, np.nan], [100.3, 100.4]], rtol=1e-6)
+    grid_map = GridMap.from_xarray(array)
+    grid_map["assigned"] = array
+    np.testing.assert_array_equal(grid_map["assigned"], layer)
 
 
 @pytest.mark.needs("rasterio", "rioxarray", "pyproj")
@@ -235,6 +238,8 @@ def test_missing_xarray_is_named(monkeypatch):
             r"'elevation': expected .* x and y, got \('time', 'x', 'y'\); dataset.isel\(time=0\)",
         ),
         (lambda d: d.astype(str), GridMapError, "layer 'elevation': expected numbers, got <U"),
+        (lambda d: d.assign_attrs(origin=1.0), GridMapError, "origin: expected two numbers .*1.0"),
+        (lambda d: d.assign_attrs(basic_layers=3), GridMapError, "basic_layers: expected names"),
     ],
 )
 def test_one_error_says_what_is_wrong(change, error, text):

@@ -7,6 +7,7 @@ import math
 import os
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from .._unfinished import scratch_folder
@@ -136,6 +137,12 @@ def write_tiles(
     """
     if options.memory and not options.workers:
         raise UsageError("--memory goes with --workers")
+    from .._arrays._checks import as_crs
+    from ..map._merge import is_same_crs
+
+    crs = as_crs(getattr(options, "crs", None))
+    if crs and not is_same_crs(tiled_map.crs, crs):
+        tiled_map = replace(tiled_map, crs=crs, origin=(0.0, 0.0))
     rows, columns = tiled_map.size
     cells = rows * columns / len(tiled_map.tiles)
     common = {"layers": options.layers, "overwrite": options.force}

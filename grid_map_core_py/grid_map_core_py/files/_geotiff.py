@@ -206,6 +206,8 @@ def read_pixels(
         window: line and pixel slices of the raster.
         images: output arrays (lines, pixels) float32, one per band, with any strides.
     """
+    if not bands:
+        return
     rectangle = import_module("rasterio.windows").Window.from_slices(*window)
     # Access each property only once, because each access visits all bands.
     terms = [*zip(raster.scales, raster.offsets, strict=True)]
@@ -227,8 +229,8 @@ def read_pixels(
         if kinds == {"all_valid"}:
             _warn_of_fill(raster, image[np.isfinite(image)])
         if (term := terms[band - 1]) != (1.0, 0.0):
-            image *= term[0]
-            image += term[1]
+            # In float32, large values would lose digits before the offset makes them small.
+            image[...] = np.ma.filled(values.astype(np.float64) * term[0] + term[1], np.nan)
 
 
 def _warn_of_fill(raster: Any, values: Layer) -> None:

@@ -289,8 +289,10 @@ class GridMap(MutableMapping[str, Layer]):
 
     def _in_crs(self, crs: Any) -> GridMap:
         """Return a map with the same layers and this `crs`, or this map if `crs` is empty."""
-        result = self._with(self._layers) if crs else self
-        result._reference = (as_crs(crs), (0.0, 0.0)) if crs else self._reference
+        if not crs or merge.is_same_crs(self.crs, as_crs(crs)):
+            return self
+        result = self._with(self._layers)
+        result._reference = as_crs(crs), (0.0, 0.0)
         return result
 
     @property
@@ -860,6 +862,10 @@ class GridMap(MutableMapping[str, Layer]):
         x, y = (axis + start for axis, start in zip(self.axes(), self.origin, strict=True))
         near = {"method": "nearest", "tolerance": _LARGEST_REST * self.resolution}
         try:
+            if hasattr(value, "attrs") and hasattr(value, "to_dataset"):
+                from ..tiled._datasets import as_dataset
+
+                (value,) = as_dataset(value.rename("values")).data_vars.values()
             return np.asarray(value.sel(x=x, y=y, **near).transpose("x", "y"))
         except Exception as error:  # xarray and pandas raise errors of many types
             expected = "the dimensions x and y with the coordinates of all cells [m]"

@@ -28,11 +28,11 @@ def add_data_from(
     layers: Iterable[str] | None,
 ) -> None:
     check_frames(grid_map, other)
-    if not grid_map.crs:
-        grid_map._reference = other._reference
     sources = {name: other[name] for name in select_layers(other, layers)}
     if extend_map:
         grid_map.extend_to_include(other)
+    if not grid_map.crs:
+        grid_map._reference = other._reference
     axes = grid_map.axes()
     rows, rows_inside = lines_under(axes[0], other, axis=0)
     columns, columns_inside = lines_under(axes[1], other, axis=1)
@@ -96,10 +96,17 @@ def check_frames(grid_map: Any, other: GridMap) -> None:
 
 
 def _has_one_crs(one: Any, other: GridMap) -> bool:
-    if one.crs == other.crs or one.origin != other.origin:
-        return bool(one.origin == other.origin)
+    return bool(one.origin == other.origin) and is_same_crs(one.crs, other.crs)
+
+
+def is_same_crs(one: str, other: str) -> bool:
+    if one == other or not one or not other:
+        return one == other
     proj = required("pyproj", "comparing crs")
-    return bool(proj.CRS.from_user_input(one.crs) == proj.CRS.from_user_input(other.crs))
+    try:
+        return bool(proj.CRS.from_user_input(one) == proj.CRS.from_user_input(other))
+    except RuntimeError:  # pyproj's CRSError is a subclass
+        return False
 
 
 def lines_under(

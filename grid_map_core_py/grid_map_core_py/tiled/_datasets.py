@@ -193,8 +193,20 @@ def geometry_of(dataset: "xarray.Dataset") -> tuple[GridGeometry, tuple[bool, bo
 
 
 def _origin_of(dataset: "xarray.Dataset") -> tuple[float, float]:
-    x, y = map(float, dataset.attrs.get("origin", (0.0, 0.0)))
+    given = dataset.attrs.get("origin", (0.0, 0.0))
+    try:
+        x, y = map(float, given)
+    except (TypeError, ValueError):
+        raise GridMapError(f"origin: expected two numbers [m], got {short(given)}") from None
     return x, y
+
+
+def _names_of(dataset: "xarray.Dataset", key: str) -> list[str]:
+    given = dataset.attrs.get(key, ())
+    try:
+        return [given] if isinstance(given, str) else [str(each) for each in given]
+    except TypeError:
+        raise GridMapError(f"{key}: expected names of layers, got {short(given)}") from None
 
 
 def _resolution(dataset: "xarray.Dataset", axes: Sequence[Positions]) -> float:
@@ -230,7 +242,7 @@ def layers_of(dataset: "xarray.Dataset") -> tuple[str, ...]:
             raise GridMapError(f"layer {name!r}: expected numbers, got {variable.dtype}")
         layers.append(name)
     # Zarr stores return variables in any order.
-    order = [*dataset.attrs.get("layers", ()), *layers]
+    order = [*_names_of(dataset, "layers"), *layers]
     return tuple(sorted(layers, key=order.index))
 
 
@@ -301,11 +313,10 @@ def open_dataset(
     lazy = [dataset[name].chunksizes for name in layers if dataset[name].chunks]
     chunks = [lazy[0][side][0] for side in DIMENSIONS] if lazy else [TILE, TILE]
     about = dataset.attrs
-    timestamp, basic = about.get("timestamp", 0), about.get("basic_layers", ())
+    timestamp, basic = about.get("timestamp", 0), _names_of(dataset, "basic_layers")
     if not isinstance(timestamp, int | np.integer):
         expected = "an integer of nanoseconds"
         raise GridMapError(f"timestamp: expected {expected}, got {short(timestamp)}")
-    basic = [basic] if isinstance(basic, str) else [str(each) for each in basic]
     crs = crs_of(dataset)
     if _DEGREES.match(crs) or "degree" in str(dataset["x"].attrs.get("units")):
         warnings.warn(

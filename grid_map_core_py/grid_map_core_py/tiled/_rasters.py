@@ -146,7 +146,16 @@ class RasterSource:
         return places[..., 0], places[..., 1]
 
 
+def _stamp(path: str) -> tuple[int, int] | None:
+    if not Path(path).exists():
+        return None
+    about = Path(path).stat()
+    return about.st_mtime_ns, about.st_size
+
+
 def _opened(part: _Part, crs: str) -> Any:
+    if part.stamp is not None and _stamp(part.path) != part.stamp:
+        raise GridMapError("the file has been replaced or removed; open it again")
     # GDAL datasets are not thread-safe, so each thread opens its own.
     size, owner = shape(part.place), (os.getpid(), threading.get_ident())
     return _open(part.path, part.stamp, part.overview, crs, part.transform, size, owner)
@@ -172,7 +181,9 @@ def _warped(raster: Any, crs: str, **cells: Any) -> Any:
     """Return a virtual raster that is reprojected to `crs` on read, with bilinear interpolation."""
     bilinear = import_module("rasterio.enums").Resampling.bilinear
     vrt = import_module("rasterio.vrt").WarpedVRT
-    return vrt(raster, crs=crs, resampling=bilinear, **cells, **_WARPING)
+    # In float32, large values would lose digits before an offset makes them small.
+    options = _WARPING | ({"dtype": "float64"} if any(raster.offsets) else {})
+    return vrt(raster, crs=crs, resampling=bilinear, **cells, **options)
 
 
 def open_rasters(paths: Sequence[str | PathLike[str]], tile: Size, crs: str = "") -> TiledData:
@@ -264,8 +275,7 @@ class _Header(NamedTuple):
 
 def _read_header(path: str, crs: str) -> _Header:
     with storage_errors(Path(path), "read"), gdal(path), open_raster(path) as raster:
-        about = Path(path).stat() if Path(path).exists() else None
-        stamp = (about.st_mtime_ns, about.st_size) if about else None
+        stamp = _stamp(path)
         if not crs:
             _warn(raster, path)
             stored = stored_map(raster, path, geometry_of(raster, path))

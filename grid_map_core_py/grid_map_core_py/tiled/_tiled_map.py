@@ -226,7 +226,8 @@ class TiledMap(TiledData):
 
         Cells of the result are `step` times as wide as cells of this map. Each cell of the result
         has the value at its center. If the map is a raster with a suitable overview, the values
-        come from the overview. If more than about 4000 tiles would be read, a larger step is used.
+        come from the overview, and the step is rounded up to a multiple of the step of the
+        overview. If more than about 4000 tiles would be read, a larger step is used.
 
         Args:
             step: distance between copied rows and between copied columns [cells].

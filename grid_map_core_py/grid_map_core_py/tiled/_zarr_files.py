@@ -65,6 +65,8 @@ def to_zarr(
 ) -> None:
     target = check_local(path)
     check_ending(target, ".zarr")
+    if target.is_symlink():
+        target = target.resolve()
     part = target.with_name(f"{target.name}.part")
     with storage_errors(target, "written"):
         if target.exists():

@@ -14,6 +14,7 @@ from .._arrays._checks import Layer, Size, select_layers
 from ..errors import GeometryError, GridMapError, OutOfMapError, required, short
 from ..files._shared import storage_errors
 from ..limits import check_cells
+from ..map._geometry import GridGeometry
 from ..map._grid_map import GridMap
 from ..map._merge import check_frames, lines_under
 from ._datasets import DIMENSIONS, geometry_of, layers_of, mirrored, open_dataset
@@ -44,6 +45,8 @@ class StoreSource:
     path: str
     layers: tuple[str, ...]
     size: Size
+    place: tuple[GridGeometry, str]
+    """Geometry and reference system of the store when it was opened."""
 
     reads_layers_alone: ClassVar[bool] = True
 
@@ -64,7 +67,8 @@ class StoreSource:
 
     def opened(self) -> "tuple[xarray.Dataset, TiledData]":
         dataset, found = _open(self.path, _stamp(self.path))
-        if found.size != self.size or not {*self.layers} <= {*found.layers}:
+        place = found.geometry, found.crs
+        if place != self.place or not {*self.layers} <= {*found.layers}:
             raise GridMapError(f"{self.path}: the store has been replaced; open it again")
         return dataset, found
 
@@ -74,7 +78,8 @@ def open_store(name: str, chunks: int | None = None) -> TiledData:
     side = (chunks, chunks) if chunks else found.tile
     # The processes of a cluster may have another working directory.
     path = str(Path(name).absolute()) if is_local(name) else name
-    return replace(found, source=StoreSource(path, found.layers, found.size), tile=side)
+    source = StoreSource(path, found.layers, found.size, (found.geometry, found.crs))
+    return replace(found, source=source, tile=side)
 
 
 def _stamp(name: str) -> object:
