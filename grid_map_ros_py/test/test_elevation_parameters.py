@@ -10,12 +10,15 @@ import pytest
 from grid_map_core_py import ConfigError
 from grid_map_core_py._parameters import build
 from grid_map_core_py.elevation import LaserModel, StereoModel, StructuredLightModel
+from grid_map_core_py.elevation._parameters import Parameters
+from grid_map_ros_py._elevation_mapping.settings import Settings, read_mapper_parameters
 from grid_map_ros_py._elevation_mapping.sources import (
     InputSource,
     SourceSettings,
     channel_fusions,
     sensor_processor,
 )
+from grid_map_ros_py.testing import peer
 
 
 def source(processor: dict[str, Any] | None = None, **given: Any) -> InputSource:
@@ -102,3 +105,11 @@ def test_patterns_of_channels_keep_their_dots_and_order() -> None:
     tree = {"default": "average", "rgb": "color", "feat_": {"*": "max", "[ab]": {"c": "latest"}}}
     expected = {"rgb": "color", "feat_.*": "max", "feat_.[ab].c": "latest", ".*": "average"}
     assert list(channel_fusions(tree).items()) == list(expected.items())
+
+
+def test_rate_of_zero_disables_visibility_cleanup_for_good() -> None:
+    with peer() as other:
+        for _ in ("start", "reload_parameters"):
+            found = read_mapper_parameters(other.node, Settings(visibility_cleanup_rate=0.0))
+            assert not found["enable_visibility_cleanup"]
+    assert Parameters().enable_visibility_cleanup

@@ -146,10 +146,18 @@ def test_recorder_replaces_a_bag_only_when_forced(tmp_path):
     with command("record", MAP, tmp_path / "bag") as recorder:
         assert recorder.wait() == 1
     assert "already exists" in recorder.text
+    for words, text in (("/silent", "no messages on /silent"), ("'/a b'", "the name of a topic")):
+        line = shlex.split(f"record {words} {tmp_path}/bag -f --duration 0.5")
+        with command(*line) as recorder:
+            assert recorder.wait() == 1
+        assert text in recorder.lines[-1]
+        assert_maps_equal(load_from_bag(tmp_path / "bag"), numbered_map(1))
+    (tmp_path / "bag").rename(tmp_path / "kept")
+    (tmp_path / "bag").symlink_to("kept")
     with peer() as node, command("record", MAP, tmp_path / "bag", "-f", "--count", 1) as recorder:
         node.publish(MAP, to_message(numbered_map(2)))
         assert recorder.wait() == 0
-    assert_maps_equal(load_from_bag(tmp_path / "bag"), numbered_map(2))
+    assert_maps_equal(load_from_bag(tmp_path / "kept"), numbered_map(2))
 
 
 def test_player_loops_with_the_recorded_quality_of_service(tmp_path):

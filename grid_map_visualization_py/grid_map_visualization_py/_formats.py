@@ -5,6 +5,7 @@ from collections.abc import Iterable
 from os import PathLike
 
 from grid_map_core_py import GridMap
+from grid_map_core_py._arrays._checks import select_layers
 from grid_map_core_py.files import Format
 from grid_map_core_py.files._shared import say_crs_is_lost
 
@@ -25,6 +26,7 @@ def _save(
 
     say_crs_is_lost(grid_map, "a recording of Rerun", stacklevel=4)
     style = Style(height_layer=height_layer, color_layer=color_layer, exaggeration=exaggeration)
+    select_layers(grid_map.layers, [*filter(None, (height_layer, color_layer))])
     with recorded(path, style) as scene:
         scene.log_map(topic, grid_map)
 

@@ -113,6 +113,7 @@ def test_video_without_ffmpeg_is_one_clear_error(survey, tmp_path, monkeypatch):
     [
         ("a.avi", {}, "'path': expected a name that ends in .gif or .mp4, got 'a.avi'"),
         ("a.gif", {"speed": 0.0}, "'speed': expected a positive number"),
+        ("a.gif", {"speed": 1e-9}, "'speed': expected at least .* lasts at most 655 s, got 1e-09"),
         ("a.gif", {"lower": np.inf}, "'lower': expected a finite number"),
     ],
 )

@@ -26,7 +26,7 @@ from recordings import (
     write_survey,
 )
 
-from grid_map_core_py import GridMap, save
+from grid_map_core_py import GridMap, LayerNotFoundError, save
 from grid_map_core_py._commands import main
 from grid_map_core_py.errors import ConfigError, GridMapError
 from grid_map_core_py.testing import assert_maps_equal
@@ -81,6 +81,9 @@ def test_recording_says_that_the_reference_system_is_lost():
     grid_map.crs = "EPSG:25832"
     with pytest.warns(UserWarning, match="crs: a recording of Rerun cannot hold .* it is lost"):
         save(grid_map, "map.rrd")
+    for option in ("height_layer", "color_layer"):
+        with pytest.raises(LayerNotFoundError, match="no layer 'nope'; available: elevation"):
+            save(grid_map, "other.rrd", **{option: "nope"})
 
 
 def test_maps_of_bags_keep_values_and_times(recording):

@@ -5,7 +5,9 @@ import argparse
 import math
 import re
 import time
-from functools import partial
+from collections.abc import Callable
+from contextlib import ExitStack
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -51,8 +53,12 @@ def run(options: argparse.Namespace) -> int:
     bag = BagWriter(
         options.destination, overwrite=options.force, compression=options.compress, in_place=True
     )
-    with Session("record") as session, bag:
-        recorder = _Recorder(session, bag, options.topics)
+    for topic in options.topics or ["/topic"]:
+        bag.check(topic)
+    with Session("record") as session, ExitStack() as stack:
+        # An existing bag is deleted only when the first message arrives.
+        start = cache(lambda: stack.enter_context(bag))
+        recorder = _Recorder(session, start, options.topics)
         recorder.record(options.duration or math.inf, options.count or math.inf)
         if not recorder.total:
             topics = ", ".join(recorder.counts) or "any topic"
@@ -77,9 +83,9 @@ class _Recorder:
         failure: error that ended the recording, such as a full disk.
     """
 
-    def __init__(self, session: Session, bag: BagWriter, topics: list[str]) -> None:
+    def __init__(self, session: Session, start: Callable[[], BagWriter], topics: list[str]) -> None:
         self._session = session
-        self._bag = bag
+        self._start = start
         self._all = not topics
         self.counts = {session.node.resolve_topic_name(topic): 0 for topic in topics}
         self.size = 0
@@ -141,7 +147,7 @@ class _Recorder:
         if self.failure or self.total >= self._most:
             return
         try:
-            self._bag.write_serialized(topic, kind, time.time_ns(), data)
+            self._start().write_serialized(topic, kind, time.time_ns(), data)
         except BagError as error:
             self.failure = error
             self._session.ended = True

@@ -83,7 +83,8 @@ class MapServices:
 
     def reload_parameters(self, _request: Any, response: Any) -> None:
         try:
-            self._fusion.mapper.configure(**read_mapper_parameters(self._node))
+            parameters = read_mapper_parameters(self._node, self._settings)
+            self._fusion.mapper.configure(**parameters)
             response.success, response.message = True, "the map has the parameters that were set"
         except GridMapError as error:
             response.message = str(error)

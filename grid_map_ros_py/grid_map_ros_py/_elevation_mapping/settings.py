@@ -156,7 +156,7 @@ def read_sources(node: ConfiguredNode) -> list[InputSource]:
 
 
 def read_mapper_parameters(
-    node: ConfiguredNode, sources: Sequence[InputSource] = ()
+    node: ConfiguredNode, settings: Settings, sources: Sequence[InputSource] = ()
 ) -> dict[str, Any]:
     """Read the mapper parameters; the first call declares them on the node.
 
@@ -164,7 +164,10 @@ def read_mapper_parameters(
     """
     limits = [getattr(source.processor.model, "max_variance", 0.0) for source in sources]
     defaults = {"max_variance": max(limits, default=Parameters.max_variance)}
-    return {**vars(read_fields(node, Parameters, defaults=defaults, read_only=False))}
+    found = {**vars(read_fields(node, Parameters, defaults=defaults, read_only=False))}
+    if settings.visibility_cleanup_rate == 0:
+        found["enable_visibility_cleanup"] = False
+    return found
 
 
 def read_fusion(
@@ -175,9 +178,7 @@ def read_fusion(
     position = settings.position_x, settings.position_y
     geometry = GridGeometry(length, settings.resolution, position)
     check_cells("length_in_x, length_in_y", geometry.size)
-    parameters = read_mapper_parameters(node, sources)
-    if settings.visibility_cleanup_rate == 0:
-        parameters["enable_visibility_cleanup"] = False
+    parameters = read_mapper_parameters(node, settings, sources)
     about = "`covariance_scale`: factor applied to the pose covariances"
     motion = read_parameter_tree(node, "robot_motion_map_update", description=about)
     scale = cast("robot_motion_map_update", motion.get("covariance_scale", 1.0), float)

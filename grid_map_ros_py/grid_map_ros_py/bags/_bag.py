@@ -194,15 +194,16 @@ class BagWriter:
             with new_folder(self._path, self._check_old) as folder:
                 yield folder
             return
-        if self._path.exists():
-            self._check_old(self._path)
-            shutil.rmtree(self._path)
-        self._path.mkdir()
+        folder = self._path.resolve()  # the target of a link
+        if folder.exists():
+            self._check_old(folder)
+            shutil.rmtree(folder)
+        folder.mkdir()
         try:
-            yield self._path
+            yield folder
         finally:
             if not self._times:
-                shutil.rmtree(self._path)
+                shutil.rmtree(folder)
 
     def _check_topic(self, topic: str) -> None:
         if not _TOPIC_NAME.fullmatch(topic):

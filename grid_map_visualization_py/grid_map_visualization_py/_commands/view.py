@@ -105,8 +105,10 @@ def run(options: argparse.Namespace) -> int:
 
             which = {"topic": options.topic, "recover": bool(options.recover)}
             log_bag(scene, options.source, **which, goes_on=goes_on)
-            if options.layer and not scene.surfaces:
-                message(f"warning: no map has the layer {options.layer!r}, so there is no surface")
+            wanted = [repr(one) for one in (options.layer, options.color_layer) if one]
+            if wanted and not scene.surfaces:
+                names = " and ".join(wanted)
+                message(f"warning: no map has the layer {names}, so there is no surface")
         else:
             scene.log_map(Path(options.source).stem, grid_map)
             scene.send_layout()

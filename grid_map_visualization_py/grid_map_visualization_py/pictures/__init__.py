@@ -47,6 +47,9 @@ __all__, __dir__ = _lazy.public_names(
     ["plot", "plot_3d", "plot_relief", "save_animation", "save_picture"]
 )
 
+_LONGEST_FRAME = 655.0
+"""Longest duration of a frame of a GIF file [s]."""
+
 _MOST_FRAMES = 50.0
 """Maximum frame rate [1/s]; browsers slow down faster GIF files."""
 
@@ -194,6 +197,9 @@ def _animate(
     steps = steps[steps > 0]
     rate: Any = speed / float(np.median(steps)) if steps.size else 1.0
     every = math.ceil(rate / _MOST_FRAMES)
+    least = speed / (rate * _LONGEST_FRAME)
+    expected = f"at least {least:.3g}: a frame of a GIF file lasts at most {_LONGEST_FRAME:g} s"
+    check(file.suffix != ".gif" or speed >= least, "speed", expected, speed)
     writer: Any = PillowWriter(rate / every)
     if file.suffix == ".mp4":
         writer = FFMpegWriter(rate / every, codec="h264")
