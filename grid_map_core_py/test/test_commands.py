@@ -231,6 +231,8 @@ WRONG = {
     "convert site.npz new.npz --resolution 1": (2, "--resolution is for height_image, pcd, mesh"),
     "convert site.npz new.npz --reduce mean": (2, "--reduce is for pcd, mesh"),
     "convert site.npz new.npz --as mesh": (2, "--as is for pcd, mesh"),
+    "convert site.npz out.png --layer elevation --layer cost": (2, "height_image holds one layer"),
+    "convert site.npz out.yaml --layer elevation --layer cost": (2, "map_server holds one layer"),
     "convert site.npz new.npz --bits 8": (2, "--bits is for height_image"),
     "convert site.npz new.npz --black 0": (2, "--black is for height_image"),
     "inspect site.npz --bars": (2, "unrecognized arguments: --bars"),
