@@ -233,6 +233,7 @@ WRONG = {
     "convert site.npz new.npz --as mesh": (2, "--as is for pcd, mesh"),
     "convert site.npz out.png --layer elevation --layer cost": (2, "height_image holds one layer"),
     "convert site.npz out.yaml --layer elevation --layer cost": (2, "map_server holds one layer"),
+    "convert site.npz out.pgm": (2, "height_image (.png .tif .tiff)"),
     "convert site.npz new.npz --bits 8": (2, "--bits is for height_image"),
     "convert site.npz new.npz --black 0": (2, "--black is for height_image"),
     "inspect site.npz --bars": (2, "unrecognized arguments: --bars"),
