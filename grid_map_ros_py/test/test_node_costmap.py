@@ -76,6 +76,7 @@ def test_parameters_apply_to_the_latched_map_at_once(other_side: Peer) -> None:
         assert set_parameters(other_side, layer="other") == []
         assert set(other_side.expect("/costmap", 2).data) == {100}
         wrong = {"origin_grid": 0, "layer": 3, "unknown": "free", "stale_after": -1.0}
+        wrong |= {"resolution": 1e30}
         for name, reason in zip(wrong, set_parameters(other_side, **wrong), strict=True):
             assert reason.startswith(f"parameter {name!r}: expected ")
         assert set_parameters(other_side, resolution=1) == []

@@ -64,9 +64,11 @@ class CostmapSettings:
     always_send_full: bool = False
 
     def __post_init__(self) -> None:
-        for name, least in (("resolution", 0), ("origin_grid", 1), ("stale_after", 0)):
+        for name, least in (("origin_grid", 1), ("stale_after", 0)):
             value = getattr(self, name)
             check(least <= value < np.inf, name, f"at least {least}", value)
+        fits = self.resolution == 0 or 1e-9 <= self.resolution <= 1e9
+        check(fits, "resolution", "0, or a number from 1e-09 to 1e+09", self.resolution)
 
 
 class Output:
