@@ -14,7 +14,6 @@ from grid_map_ros_py._elevation_mapping.sources import (
     InputSource,
     SourceSettings,
     channel_fusions,
-    frame_name,
     sensor_processor,
 )
 
@@ -107,7 +106,3 @@ def test_patterns_of_channels_keep_their_dots_and_order() -> None:
     tree = {"default": "average", "rgb": "color", "feat_": {"*": "max", "[ab]": {"c": "latest"}}}
     expected = {"rgb": "color", "feat_.*": "max", "feat_.[ab].c": "latest", ".*": "average"}
     assert list(channel_fusions(tree).items()) == list(expected.items())
-
-
-def test_frames_of_ros_1_lose_their_slash() -> None:
-    assert (frame_name("/odom"), frame_name("odom"), frame_name("")) == ("odom", "odom", "")

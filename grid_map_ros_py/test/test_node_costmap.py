@@ -54,7 +54,7 @@ FRACTIONS = GOOD.with_layers({"cost": np.full((30, 20), 0.7)})
 def test_unusable_map_is_named_and_the_next_is_sent(other_side: Peer, wrong, text: str) -> None:
     other_side.listen("/costmap", OccupancyGrid)
     other_side.listen("/diagnostics", DiagnosticArray, 10)
-    with running_node(MODULE, *arguments(frame_id="odom")) as node:
+    with running_node(MODULE, *arguments(frame_id="/odom")) as node:
         for _ in range(3):
             other_side.publish("/grid_map", to_message(wrong))
         line = f"dropped a message of /grid_map: {text}"

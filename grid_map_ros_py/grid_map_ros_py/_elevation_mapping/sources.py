@@ -199,8 +199,3 @@ def channel_fusions(tree: Mapping[str, Any]) -> dict[str, Any]:
     if "default" in found:
         found[".*"] = found.pop("default")
     return found
-
-
-def frame_name(name: str) -> str:
-    """Return a frame name without the leading slash, which ROS 1 allowed but tf2 rejects."""
-    return name.removeprefix("/")
