@@ -107,6 +107,7 @@ def test_a_failing_map_ends_it_or_is_left_out(command):
     save_to_bag(a_map(1, "hight"), "bad", "/grid_map")
     code, _, error = command("filter chain.yaml bad out --keep-going --force")
     assert (code, "no maps to write" in error) == (1, True)
+    assert "left out map 0: filter 1 'twice'" in error
     assert len([*bag_maps("out")]) == 1
 
 

@@ -89,6 +89,8 @@ def test_source_has_the_defaults_of_ros_1() -> None:
         ({"topic": ""}, "topic': expected the name of a topic"),
         ({"queue_size": -1}, "queue_size': expected no negative number"),
         ({"min_range": 2.0, "max_range": 1.0}, "min_range': expected at least 0 and below"),
+        ({"channels": ["gray", "elevation"]}, "channels': expected layer names that the mapper"),
+        ({"channels": [""]}, "channels': expected layer names that the mapper"),
         ({"stride": 0}, "stride': expected at least 1"),
         ({"sensor_xyz": [1.0]}, "sensor_xyz': expected 3 finite numbers"),
         ({"sensor_rpy": [0.0, 0.0, math.nan]}, "sensor_rpy': expected 3 finite numbers"),

@@ -51,7 +51,7 @@ FRACTIONS = GOOD.with_layers({"cost": np.full((30, 20), 0.7)})
 def test_unusable_map_is_named_and_the_next_is_sent(other_side: Peer, wrong, text: str) -> None:
     other_side.listen("/costmap", OccupancyGrid)
     other_side.listen("/diagnostics", DiagnosticArray, 10)
-    with running_node(MODULE, *arguments(frame_id="odom")) as node:
+    with running_node(MODULE, *arguments(frame_id="/odom")) as node:
         for _ in range(3):
             other_side.publish("/grid_map", to_message(wrong))
         line = f"dropped a message of /grid_map: {text}"
@@ -73,6 +73,7 @@ def test_parameters_apply_to_the_latched_map_at_once(other_side: Peer) -> None:
         assert set_parameters(other_side, layer="other") == []
         assert set(other_side.expect("/costmap", 2).data) == {100}
         wrong = {"origin_grid": 0, "layer": 3, "unknown": "free", "stale_after": -1.0}
+        wrong |= {"resolution": 1e30}
         for name, reason in zip(wrong, set_parameters(other_side, **wrong), strict=True):
             assert reason.startswith(f"parameter {name!r}: expected ")
         assert set_parameters(other_side, resolution=1) == []

@@ -116,7 +116,7 @@ def test_fixed_map_is_published_at_a_rate_and_latched(other_side: Peer) -> None:
     options = arguments(
         pose_source="none",
         robot_centric=False,
-        map_frame="map",
+        map_frame="/map",
         input_reliability="reliable",
         queue_size=50,
         publish_rate=5,

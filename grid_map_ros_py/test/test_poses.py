@@ -152,6 +152,15 @@ def test_placement_has_pose_of_sensor_and_tracked_point() -> None:
     assert odom.covariance is None
 
 
+def test_frames_of_ros_1_lose_their_slash() -> None:
+    assert Poses("/odom").place("/odom", 5) is not None
+    known = PoseHistory("/odom")
+    known.add(pose(1, 10.0))
+    for frame in ("odom", "/odom"):
+        np.testing.assert_array_equal(known.frame_at(frame, SECOND), np.eye(4))
+        np.testing.assert_array_equal(known.place(frame, SECOND).transform, np.eye(4))
+
+
 @pytest.mark.parametrize("kind", [PoseStamped, Odometry])
 def test_invalid_pose_changes_nothing(kind: type) -> None:
     known = history(pose(1))
@@ -256,10 +265,10 @@ def tf2(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.usefixtures("tf2")
-@pytest.mark.parametrize(("robot_frame", "x"), [("base", 2.0), ("", 3.0)])
+@pytest.mark.parametrize(("robot_frame", "x"), [("/base", 2.0), ("", 3.0)])
 def test_tf_gives_poses_of_cloud_and_robot(robot_frame: str, x: float) -> None:
     assert has_tf()
-    poses = TfPoses(None, "map", robot_frame)
+    poses = TfPoses(None, "/map", robot_frame)
     assert poses.place("lidar", SECOND - 1) is None
     assert poses.waits_for == "no lidar in map yet"
     placement = poses.place("lidar", SECOND)

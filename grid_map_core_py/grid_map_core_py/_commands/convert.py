@@ -8,7 +8,7 @@ from dataclasses import replace
 from ..errors import GridMapError
 from ._arguments import add_destination, add_json, add_layers, add_source
 from ._maps import Destination, TimedMap, open_records
-from ._output import ProgressBar, message
+from ._output import ProgressBar, UsageError, message
 from ._tiles import add_tiles, tiled_source, write_tiles
 
 
@@ -25,7 +25,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
+    from ..files._formats import options_of
+
     destination = Destination(options)
+    if len(options.layers or ()) > 1 and "layer" in options_of(destination.format.save, 2):
+        raise UsageError(f"expected one --layer, because {destination.format.name} holds one layer")
     tiled_map = tiled_source(options, destination)
     if tiled_map is not None:
         if options.frame is not None:

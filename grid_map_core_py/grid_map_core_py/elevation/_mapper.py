@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .._arrays._checks import as_points, as_rigid, is_name
+from .._arrays._checks import as_points, as_rigid
 from .._parameters import build, check
 from ..errors import GridMapError, LayerNotFoundError, short
 from ..limits import check_cells
@@ -36,7 +36,18 @@ from ._points import (
     located,
     of_motion,
 )
-from ._state import BOUNDS, HIDDEN, HORIZONTAL, OVERHANG, OWN, State, at_centers, flat, shaped
+from ._state import (
+    BOUNDS,
+    HIDDEN,
+    HORIZONTAL,
+    OVERHANG,
+    OWN,
+    State,
+    at_centers,
+    flat,
+    is_value_name,
+    shaped,
+)
 from ._values import Chosen, ValueFusion
 from ._visibility import cleared_cells, cover, entry_heights, trace
 
@@ -209,7 +220,7 @@ class ElevationMapper:
             model = self._sensor if sensor is None else _as_sensor(sensor)
             columns = as_columns(values, len(cloud))
             for name in columns:
-                if name in (*OWN, HORIZONTAL, OVERHANG, *HIDDEN) or not is_name(name):
+                if not is_value_name(name):
                     raise GridMapError(f"values: expected a different layer name, got {name!r}")
             if new := [name for name in columns if name not in self._map]:
                 check_cells("values", self._map.size, len(self._map) + 2 * len(new))

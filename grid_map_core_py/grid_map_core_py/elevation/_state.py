@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from .._arrays._checks import Integers, Layer, Mask, Size
+from .._arrays._checks import Integers, Layer, Mask, Size, is_name
 from ..map._geometry import GridGeometry
 from ..map._grid_map import GridMap
 from ._clusters import Sorted, in_one_order
@@ -55,6 +55,11 @@ class Memory:
 
 HIDDEN = tuple(f"# {field.name}" for field in fields(Memory))
 """Names of the unpublished layers that store a `Memory`."""
+
+
+def is_value_name(name: str) -> bool:
+    """Return whether `name` can name a layer of point values or of an image channel."""
+    return is_name(name) and name not in (*OWN, HORIZONTAL, OVERHANG, *HIDDEN)
 
 
 @dataclass

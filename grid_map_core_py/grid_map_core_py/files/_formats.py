@@ -210,9 +210,10 @@ def _unknown(path: Path, usable: Iterable[Format], *, writes: bool) -> GridMapEr
         return GridMapError(f"{path}: {text} `rerun {path}`")
 
     def shown(one: Format) -> str:
-        # A bag is written as a folder.
-        is_folder = writes and one.name == "bag"
-        return (not is_folder and " ".join(one.endings)) or one.description
+        # Some endings can only be read, and a bag is written as a folder.
+        test = one.writes if writes else None
+        endings = [ending for ending in one.endings if test is None or test(Path(f"map{ending}"))]
+        return " ".join(endings) or one.description
 
     known = ", ".join(f"{one.name} ({shown(one)})" for one in usable)
     expected = "a name" if writes else "a file or folder"

@@ -92,21 +92,23 @@ def run(options: argparse.Namespace) -> int:
         raise UsageError("--json requires --timing, or a map on tiles")
     failures: list[Failure] | None = [] if options.keep_going else None
     times = StepTimes()
-    with (
-        open_records(options, destination) as records,
-        ProgressBar(quiet=options.quiet or len(records) < 2) as progress,
-    ):
+    try:
+        with (
+            open_records(options, destination) as records,
+            ProgressBar(quiet=options.quiet or len(records) < 2) as progress,
+        ):
 
-        def maps() -> "Iterator[tuple[int | None, GridMap]]":
-            for result in filter_maps(
-                chain, records, load=_load, failures=failures, observer=times, progress=progress
-            ):
-                yield result.item.time, result.grid_map
-                del result
+            def maps() -> "Iterator[tuple[int | None, GridMap]]":
+                for result in filter_maps(
+                    chain, records, load=_load, failures=failures, observer=times, progress=progress
+                ):
+                    yield result.item.time, result.grid_map
+                    del result
 
-        count = destination.write(maps())
-    for failure in failures or ():
-        message(f"left out {failure}")
+            count = destination.write(maps())
+    finally:
+        for failure in failures or ():
+            message(f"left out {failure}")
     destination.tell(count)
     if options.timing:
         with redirect_stdout(sys.stderr if destination.path == "-" else sys.stdout):

@@ -5,6 +5,7 @@ import re
 import time
 import warnings
 from collections.abc import Mapping
+from copy import copy
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -173,16 +174,15 @@ class ElevationFusion:
         self._note({})
 
     def load(self, grid_map: GridMap) -> None:
-        """Move the map to the position of a saved map, and load the layers that both maps have."""
-        kept = self.mapper.grid_map.copy()
-        try:
-            self.mapper.move(grid_map.position)
-            self.mapper.clear()
-            self.mapper.masked_replace(grid_map, mask_layer="")
-        except GridMapError:
-            self.mapper.move(kept.position)
-            self.mapper.masked_replace(kept, mask_layer="")
-            raise
+        """Move the map to the position of a saved map, and load the layers that both maps have.
+
+        After an error, the map is unchanged.
+        """
+        mapper = copy(self.mapper)  # Its methods replace maps and never modify them.
+        mapper.move(grid_map.position)
+        mapper.clear()
+        mapper.masked_replace(grid_map, mask_layer="")
+        self.mapper = mapper
         self._note({})
 
     def time(self, stage: str, last: float) -> None:

@@ -12,11 +12,11 @@ from ..bags._bag import chosen_storage
 from ..errors import RequestError
 from ..messages import from_message, to_message
 from ..nodes import ConfiguredNode
+from ..nodes._poses import frame_name
 from ..nodes._scans import ScanInputs
 from .fusion import ElevationFusion
 from .outputs import MapOutputs
 from .settings import Settings, read_mapper_parameters
-from .sources import frame_name
 
 
 class MapServices:

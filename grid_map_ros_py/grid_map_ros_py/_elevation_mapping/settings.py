@@ -19,6 +19,7 @@ from grid_map_core_py.plugins import check
 
 from ..nodes import ConfiguredNode, read_parameter, read_parameter_tree
 from ..nodes._parameters import check_topic, names_below, read_fields
+from ..nodes._poses import frame_name
 from .fusion import ElevationFusion
 from .outputs import Chain, make_chain
 from .sources import (
@@ -26,7 +27,6 @@ from .sources import (
     InputSource,
     SourceSettings,
     channel_fusions,
-    frame_name,
     sensor_processor,
 )
 

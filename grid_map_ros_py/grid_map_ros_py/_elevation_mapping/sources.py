@@ -21,6 +21,7 @@ from grid_map_core_py.elevation import (
     StereoModel,
     StructuredLightModel,
 )
+from grid_map_core_py.elevation._state import is_value_name
 from grid_map_core_py.errors import ConfigError
 from grid_map_core_py.plugins import check
 
@@ -157,6 +158,8 @@ class SourceSettings:
         check(self.queue_size >= 0, "queue_size", "no negative number", self.queue_size)
         fits = 0 <= self.min_range < self.max_range
         check(fits, "min_range", "at least 0 and below max_range", self.min_range)
+        fits = all(map(is_value_name, self.channels))
+        check(fits, "channels", "layer names that the mapper does not use", self.channels)
         check(self.stride >= 1, "stride", "at least 1", self.stride)
         for name in ("sensor_xyz", "sensor_rpy"):
             numbers = getattr(self, name)
@@ -196,8 +199,3 @@ def channel_fusions(tree: Mapping[str, Any]) -> dict[str, Any]:
     if "default" in found:
         found[".*"] = found.pop("default")
     return found
-
-
-def frame_name(name: str) -> str:
-    """Return a frame name without the leading slash, which ROS 1 allowed but tf2 rejects."""
-    return name.removeprefix("/")

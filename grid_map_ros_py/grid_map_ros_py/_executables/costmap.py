@@ -29,7 +29,7 @@ from ..messages._updates import filled, is_same_grid, with_cells
 from ..nodes import ConfiguredNode, MapSubscription, map_qos
 from ..nodes._health import LogThrottle, dropping, health_of
 from ..nodes._parameters import follow_changes, read_fields
-from ..nodes._poses import PACKAGE as TF, TfPoses, has_tf
+from ..nodes._poses import PACKAGE as TF, TfPoses, frame_name, has_tf
 from ..nodes._scans import WAIT_PERIOD
 from ..nodes._spin import steady_timer
 
@@ -64,9 +64,11 @@ class CostmapSettings:
     always_send_full: bool = False
 
     def __post_init__(self) -> None:
-        for name, least in (("resolution", 0), ("origin_grid", 1), ("stale_after", 0)):
+        for name, least in (("origin_grid", 1), ("stale_after", 0)):
             value = getattr(self, name)
             check(least <= value < np.inf, name, f"at least {least}", value)
+        fits = self.resolution == 0 or 1e-9 <= self.resolution <= 1e9
+        check(fits, "resolution", "0, or a number from 1e-09 to 1e+09", self.resolution)
 
 
 class Output:
@@ -197,7 +199,7 @@ class CostmapNode(ConfiguredNode):
 
     def _transform(self, received: ReceivedMap, since: float = np.inf) -> Planar | None:
         """Return the pose of the map in the costmap frame, or None if it is not known yet."""
-        source, target = received.frame_id, self._settings.frame_id
+        source, target = frame_name(received.frame_id), frame_name(self._settings.frame_id)
         if target in ("", source):
             return 0.0, 0.0, 0.0
         if self._poses is None:
@@ -216,7 +218,8 @@ class CostmapNode(ConfiguredNode):
         settings, layer = self._settings, self._settings.layer
         grid_map = received.decode([layer], copy=False)
         check_costs(grid_map, layer)
-        target = settings.frame_id or grid_map.frame_id, settings.resolution or grid_map.resolution
+        frame_id = frame_name(settings.frame_id) or grid_map.frame_id
+        target = frame_id, settings.resolution or grid_map.resolution
         worst_below_unknown = WORST_BELOW_UNKNOWN[settings.unknown]
         grid_map = resampled(grid_map, layer, transform, *target, worst_below_unknown)
         grid_map = aligned(grid_map, settings.origin_grid)

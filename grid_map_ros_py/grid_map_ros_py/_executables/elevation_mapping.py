@@ -37,7 +37,7 @@ from .._elevation_mapping.settings import (
     read_sources,
     read_unused,
 )
-from .._elevation_mapping.sources import InputSource, frame_name
+from .._elevation_mapping.sources import InputSource
 from ..nodes import ConfiguredNode
 from ..nodes._health import LogThrottle, dropping, health_of
 from ..nodes._parameters import read_fields
@@ -103,7 +103,7 @@ class ElevationMappingNode(ConfiguredNode):
     # --- sensors ----------------------------------------------------------------------------------
 
     def _make_poses(self) -> Poses:
-        settings, frame = self._settings, frame_name(self._settings.map_frame_id)
+        settings, frame = self._settings, self._settings.map_frame_id
         source = chosen_source(settings.pose_source, "topic")
         if source == "none":
             return Poses(frame)
@@ -120,8 +120,8 @@ class ElevationMappingNode(ConfiguredNode):
         return TfPoses(
             self,
             frame,
-            frame_name(settings.robot_base_frame_id),
-            track_frame=frame_name(settings.track_point_frame_id),
+            settings.robot_base_frame_id,
+            track_frame=settings.track_point_frame_id,
             track_point=point,
             covariances=history if topic else None,
         )
@@ -166,7 +166,7 @@ class ElevationMappingNode(ConfiguredNode):
         with dropping(self._log, "initialize_elevation_map"):
             given = self._settings
             name = given.target_frame_init_submap or given.robot_base_frame_id
-            frame = self._poses.frame_at(frame_name(name), 0)
+            frame = self._poses.frame_at(name, 0)
             if frame is not None:
                 self._fusion.lay_patch(
                     frame,

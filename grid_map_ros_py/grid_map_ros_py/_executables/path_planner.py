@@ -30,7 +30,7 @@ from ..messages._packages import messages_of
 from ..nodes import ConfiguredNode, MapPublisher, MapSubscription, map_qos
 from ..nodes._health import LogThrottle, dropping, health_of
 from ..nodes._parameters import follow_changes, read_fields
-from ..nodes._poses import PACKAGE as TF, TfPoses, has_tf
+from ..nodes._poses import PACKAGE as TF, TfPoses, frame_name, has_tf
 from ..nodes._scans import WAIT_PERIOD
 from ..nodes._spin import steady_timer
 from ..nodes._topics import LatchedSubscription, describe_topic
@@ -174,8 +174,8 @@ class PathPlannerNode(ConfiguredNode):
 
         An empty `frame_id` means the map frame.
         """
-        pose, source = from_pose(message), message.header.frame_id.removeprefix("/")
-        target = self._fresh().grid_map.frame_id
+        pose, source = from_pose(message), frame_name(message.header.frame_id)
+        target = frame_name(self._fresh().grid_map.frame_id)
         if source not in ("", target):
             if self._tf is None:
                 need = f"a pose in frame {source!r} for a map in frame {target!r}"

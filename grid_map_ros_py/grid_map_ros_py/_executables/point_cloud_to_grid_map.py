@@ -25,6 +25,7 @@ from ..nodes._poses import (
     Poses,
     TfPoses,
     chosen_source,
+    frame_name,
     from_xyz_rpy,
     subscribe_to_poses,
 )
@@ -119,7 +120,7 @@ class PointCloudToGridMapNode(ConfiguredNode):
         check_cells("length", geometry.size)
         rolling_map = RollingMap(
             geometry,
-            settings.map_frame,
+            frame_name(settings.map_frame),
             layer=settings.layer,
             fusion=settings.fusion,
             reduction=settings.reduction,

@@ -60,20 +60,28 @@ class Placement:
     covariance: Covariance | None = None
 
 
+def frame_name(name: str) -> str:
+    """Return a frame name without the leading slash, which ROS 1 allowed but tf2 rejects."""
+    return name.removeprefix("/")
+
+
 class Poses:
-    """Pose source for scans that are already in the map frame; base class of other sources."""
+    """Pose source for scans that are already in the map frame; base class of other sources.
+
+    All frame names may have a leading slash.
+    """
 
     waits_for = ""  # pose or transform that was missing in the last call of `place`
 
     def __init__(self, map_frame: str) -> None:
-        self.map_frame = map_frame
+        self.map_frame = frame_name(map_frame)
 
     def place(self, frame_id: str, stamp: int) -> Placement | None:  # noqa: ARG002
         """Return the placement of a scan, or None if the pose is not known yet.
 
         `stamp` is the time of the scan [ns]; 0 selects the latest pose.
         """
-        if frame_id != self.map_frame:
+        if frame_name(frame_id) != self.map_frame:
             expected = f"{self.map_frame!r}, that of the map, as there are no poses"
             raise MessageError("header.frame_id", expected, frame_id)
         return Placement(np.eye(4))
@@ -135,7 +143,7 @@ class PoseHistory(Poses):
 
         After a time reset (see `LONGEST_JITTER`), all stored poses are discarded first.
         """
-        if message.header.frame_id.removeprefix("/") != self.map_frame:
+        if frame_name(message.header.frame_id) != self.map_frame:
             expected = f"{self.map_frame!r}, that of the map"
             raise MessageError("header.frame_id", expected, message.header.frame_id)
         stamp = from_stamp(message.header.stamp)
@@ -163,14 +171,14 @@ class PoseHistory(Poses):
         if robot is None:
             return None
         center = (robot @ self._track_point)[:2]
-        if frame_id == self.map_frame:
+        if frame_name(frame_id) == self.map_frame:
             return Placement(np.eye(4), robot, center)
         transform = robot @ self._sensor
         covariance = carried(self.covariance_at(stamp), transform[:3, 3] - robot[:3, 3])
         return Placement(transform, robot, center, covariance)
 
     def frame_at(self, frame_id: str, stamp: int) -> Matrix | None:
-        return np.eye(4) if frame_id == self.map_frame else self.at(stamp)
+        return np.eye(4) if frame_name(frame_id) == self.map_frame else self.at(stamp)
 
     def latest(self) -> tuple[Matrix, int] | None:
         return (self._poses[-1], self._stamps[-1]) if self._stamps else None
@@ -353,7 +361,7 @@ class TfPoses(Poses):
     def _look_up(self, frame_id: str, stamp: int) -> Any:
         time = Time(nanoseconds=stamp)
         try:
-            return self._buffer.lookup_transform(self.map_frame, frame_id, time)
+            return self._buffer.lookup_transform(self.map_frame, frame_name(frame_id), time)
         except self._tf.TransformException as error:
             # tf2 cannot tell whether the transform will become available.
             self.waits_for = str(error)
