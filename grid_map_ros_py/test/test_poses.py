@@ -18,6 +18,7 @@ from grid_map_ros_py.messages import to_stamp
 from grid_map_ros_py.nodes._poses import (
     Placement,
     PoseHistory,
+    Poses,
     TfPoses,
     between,
     carried,
