@@ -6,6 +6,7 @@ from __future__ import annotations
 import operator
 import warnings
 from collections.abc import Iterable, Iterator, Mapping, MutableMapping
+from importlib import import_module
 from math import isfinite, nan
 from typing import TYPE_CHECKING, Any, NoReturn
 
@@ -862,10 +863,10 @@ class GridMap(MutableMapping[str, Layer]):
         x, y = (axis + start for axis, start in zip(self.axes(), self.origin, strict=True))
         near = {"method": "nearest", "tolerance": _LARGEST_REST * self.resolution}
         try:
-            if hasattr(value, "attrs") and hasattr(value, "to_dataset"):
-                from ..tiled._datasets import as_dataset
-
-                (value,) = as_dataset(value.rename("values")).data_vars.values()
+            if hasattr(value, "to_dataset"):
+                decode = import_module("xarray").decode_cf
+                encoded = value.to_dataset(name=name)
+                value = decode(encoded, decode_times=False, decode_coords=False)[name]
             return np.asarray(value.sel(x=x, y=y, **near).transpose("x", "y"))
         except Exception as error:  # xarray and pandas raise errors of many types
             expected = "the dimensions x and y with the coordinates of all cells [m]"
