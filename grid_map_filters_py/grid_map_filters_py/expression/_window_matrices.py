@@ -76,6 +76,73 @@ class WeightedWindow(WindowMatrix):
         return [total if fold is FINITE_SUM else self._window.reduce([fold])[0] for fold in folds]
 
 
+class DeviatingWindow(WindowMatrix):
+    """Difference between a sliding window and a number per cell."""
+
+    def __init__(self, window: SlidingWindow, number: WindowMatrix) -> None:
+        super().__init__(window.shape, lambda i, j: window.at(i, j) - number.at(0, 0))
+        self.window = window
+        self.number = number
+
+
+class SquaredDeviations(WindowMatrix):
+    """Squared differences between a window and a number per cell, such as the window mean."""
+
+    def __init__(self, deviations: DeviatingWindow) -> None:
+        super().__init__(deviations.shape, lambda i, j: np.square(deviations.at(i, j)))
+        self._source = deviations.window.source
+        self._number = deviations.number.at(0, 0)
+
+    def reduce(self, folds: Sequence[Fold]) -> list[Element]:
+        if not set(folds) <= {FINITE_COUNT, FINITE_SUM}:
+            return super().reduce(folds)
+        total = self._sum()
+        results = [
+            np.asarray(
+                total
+                if fold is FINITE_SUM
+                else _fold_box(fold, self._source, self.shape) * np.isfinite(self._number)
+            )
+            for fold in folds
+        ]
+        too_large = ~np.isfinite(total)
+        if too_large.any():
+            # Squares beyond the double-precision range are not finite, so the sum omits them. Only
+            # these cells are replaced, so that no result depends on the block.
+            for result, exact in zip(results, super().reduce(folds), strict=True):
+                np.copyto(result, exact, where=too_large)
+        return [*results]
+
+    def _sum(self) -> Element:
+        """Return the sum of squares without loss of precision by cancellation."""
+        height, width = self.shape
+        count, mean = (
+            np.asarray(_fold_box(fold, self._source, (height, 1)))
+            for fold in (FINITE_COUNT, FINITE_SUM)
+        )
+        mean /= np.maximum(count, 1.0)
+        missing = ~np.isfinite(self._source)
+        squares = np.zeros_like(mean)
+        for row in range(height):
+            rows = slice(row, row + len(mean))
+            deviation = self._source[rows] - mean
+            deviation *= deviation
+            np.copyto(deviation, 0.0, where=missing[rows])
+            squares += deviation
+        finite = np.isfinite(self._number)
+        number = np.where(finite, self._number, 0.0)
+        cells = mean.shape[1] - width + 1
+        total = np.zeros((mean.shape[0], cells), order="F")
+        for place in range(width):
+            columns = slice(place, place + cells)
+            deviation = mean[:, columns] - number
+            deviation *= deviation
+            deviation *= count[:, columns]
+            total += deviation
+            total += squares[:, columns]
+        return np.asarray(total * finite)
+
+
 def mean_padded_window(layer: NDArray[Any], cells: NDArray[np.bool_], size: int) -> WindowMatrix:
     """Return the windows of the cells in the mask `cells`, padded with their mean beyond the map.
 
@@ -165,6 +232,12 @@ def _shortcut(function: Callable[..., Any], values: Sequence[Value]) -> WindowMa
             for value in values
         ]
         return SlidingWindow(apply(function, sources, np.float64), shape)
+    if function is np.subtract and len(values) == 2:
+        window, number = values
+        if isinstance(window, SlidingWindow) and isinstance(number, WindowMatrix):
+            return DeviatingWindow(window, number) if number.shape == SCALAR else None
+    if function is np.square and isinstance(values[0], DeviatingWindow):
+        return SquaredDeviations(values[0])
     kinds = {type(value) for value in values if shape_of(value) != SCALAR}
     if function is np.multiply and kinds == {SlidingWindow, np.ndarray}:
         (kernel,) = (value for value in values if isinstance(value, np.ndarray))
