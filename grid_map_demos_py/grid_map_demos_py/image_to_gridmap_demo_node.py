@@ -51,11 +51,11 @@ class ImageToGridmapDemoNode(Demo):
         if self._map is None:
             self._map = from_image(message, "elevation", self._resolution, *self._heights)
             self._map.basic_layers = ["elevation"]
-            self._map.frame_id = self._frame_id or message.header.frame_id
             self.get_logger().info(f"made {self._map}")
         else:
             add_layer_from_image(self._map, message, "elevation", *self._heights)
         add_color_layer_from_image(self._map, message, "color")
+        self._map.frame_id = self._frame_id or message.header.frame_id
         self._map.timestamp = from_stamp(message.header.stamp)
         self._publisher.publish(to_serialized_message(self._map))
 

@@ -124,7 +124,11 @@ def test_volatile_images_become_maps_in_the_image_frame(qos):
                 return bool(other.received["/grid_map"])
 
             other.wait_until(publish_until_a_map_comes, "a map")
-    grid_map = from_message(other.received["/grid_map"][0])
+            message.header.frame_id = "other"
+            publisher.publish(message)
+            maps = other.received["/grid_map"]
+            other.wait_until(lambda: maps[-1].header.frame_id == "other", "a map in that frame")
+    grid_map = from_message(maps[0])
     assert grid_map.frame_id == "camera"
     assert grid_map["elevation"].tolist() == [[1.0]]
 

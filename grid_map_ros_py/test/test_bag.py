@@ -184,6 +184,8 @@ def test_folder_that_is_no_bag_is_never_replaced(tmp_path, monkeypatch):
         save_to_bag(numbered_map(1), tmp_path / "notes.txt", TOPIC)
     with pytest.raises(BagError, match=r"a/b: cannot be written: there is no folder a$"):
         save_to_bag(numbered_map(1), "a/b", TOPIC)
+    with pytest.raises(BagError, match="path: expected the folder of a bag, got ''"):
+        save_to_bag(numbered_map(1), "", TOPIC)
     assert [path.name for path in tmp_path.iterdir()] == ["notes.txt"]
 
 

@@ -64,6 +64,10 @@ REFUSED = {
             "write_topic and output_topic are both '/grid_map'",
         ),
     ],
+    "octomap_to_grid_map": [
+        ({"resolution": -0.5}, "parameter 'resolution': expected a number from 0 to 1e+30, got"),
+        ({"min_x": 5.0, "max_x": 1.0}, "parameter 'max_x': expected at least min_x, 5, got 1.0"),
+    ],
     "path_planner": [
         ({"cost_layer": "''", "elevation_layer": "''"}, "'elevation_layer': expected a layer, as"),
         ({"elevation_layer": "''", "max_step": 0.1}, "'elevation_layer': expected a layer, as"),

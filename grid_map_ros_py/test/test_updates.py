@@ -52,6 +52,9 @@ def test_replayed_updates_equal_full_grids(convert, to_update, shape) -> None:
             assert len(update.data) == (np.ptp(columns) + 1) * (np.ptp(rows) + 1)
             before, grid = grid, apply_update(grid, update)
             assert (before, grid.header) == (kept, now.header)
+            field = "info" if hasattr(grid, "info") else "metadata"
+            assert getattr(grid, field) is not getattr(before, field)
+            assert grid.header is not update.header
         assert grid.data == now.data
         last = now
 

@@ -4,9 +4,11 @@
 import math
 from typing import Any
 
+from grid_map_core_py.plugins import check
 from grid_map_msgs.msg import GridMap as GridMapMessage
 
 from .. import from_octomap, to_serialized_message
+from ..messages._octomap import LARGEST_VOXEL
 from ..messages._packages import messages_of
 from ..nodes import ConfiguredNode, map_qos
 from ..nodes._health import LogThrottle, dropping, health_of
@@ -23,9 +25,11 @@ class OctomapToGridMapNode(ConfiguredNode):
         topic = self.read_topic("grid_map_topic", "/grid_map", "topic of the map")
         self._layer = self.read("layer", "elevation", "name of the height layer")
         about = "cell size [m]; 0 means the voxel size"
-        self._resolution = self.read("resolution", 0.0, about) or None
+        self._resolution = self.read_number("resolution", 0.0, 0.0, LARGEST_VOXEL, about) or None
         self._min_bound = self._read_bound("min", "smaller")
         self._max_bound = self._read_bound("max", "larger")
+        for axis, low, high in zip("xyz", self._min_bound, self._max_bound, strict=True):
+            check(not low > high, f"max_{axis}", f"at least min_{axis}, {low:g}", high)
         self._publisher = self.create_publisher(GridMapMessage, topic, map_qos())
         source = self._listen()
         self.get_logger().info(

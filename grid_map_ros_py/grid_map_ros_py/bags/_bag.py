@@ -98,6 +98,9 @@ class BagWriter:
         in_place: bool = False,
     ) -> None:
         self._path = Path(path)
+        if not os.fspath(path):
+            # `Path("")` is the working folder, which could be a bag.
+            raise BagError("path", "expected the folder of a bag, got ''")
         self._overwrite = overwrite
         self._in_place = in_place
         asked, storage = storage, chosen_storage(storage)

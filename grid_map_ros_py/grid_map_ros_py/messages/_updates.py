@@ -73,8 +73,10 @@ def apply_update(grid: Any, update: Any) -> Any:
 
 def with_cells(grid: Any, values: npt.NDArray[np.uint8], header: Any) -> Any:
     """Return a copy of a grid message with other cells (uint8) and another header."""
+    field, *_, kind = _read(grid)[2]
     result = copy.copy(grid)
-    result.header, result.data = header, array.array(_read(grid)[2][-1], values.tobytes())
+    setattr(result, field, copy.deepcopy(getattr(grid, field)))
+    result.header, result.data = copy.deepcopy(header), array.array(kind, values.tobytes())
     return result
 
 
