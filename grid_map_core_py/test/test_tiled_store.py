@@ -44,6 +44,7 @@ def test_resolution_and_place_are_those_of_the_map(store: Path) -> None:
     assert site.get_submap(*window) == a_map().get_submap(*window)
 
 
+@pytest.mark.needs("dask")
 def test_links_to_stores_stay_when_the_store_is_replaced(store: Path, tmp_path: Path) -> None:
     (tmp_path / "link.zarr").symlink_to(store)
     expected = GridMap((1.0, 1.0), 0.5, layers={"elevation": 3.0})
