@@ -13,7 +13,7 @@ import pytest
 from command_line import a_map as a_map_with_infinity
 from test_tiled_rasters import UTM
 
-from grid_map_core_py import GridMap, save
+from grid_map_core_py import GridMap
 from grid_map_core_py.errors import GridMapError
 from grid_map_core_py.map import GridGeometry
 from grid_map_core_py.testing import assert_maps_equal
@@ -48,7 +48,7 @@ def test_resolution_and_place_are_those_of_the_map(store: Path) -> None:
 def test_links_to_stores_stay_when_the_store_is_replaced(store: Path, tmp_path: Path) -> None:
     (tmp_path / "link.zarr").symlink_to(store)
     expected = GridMap((1.0, 1.0), 0.5, layers={"elevation": 3.0})
-    save(expected, tmp_path / "link.zarr")
+    open_map(expected.to_xarray()).to_zarr(tmp_path / "link.zarr", overwrite=True)
     assert (tmp_path / "link.zarr").is_symlink()
     assert_maps_equal(open_map(store).to_map(), expected)
 
