@@ -154,7 +154,8 @@ def test_second_criterion_is_lethal_also_where_the_first_is_unknown():
 @pytest.mark.parametrize("limit", [0.1, 0.12, 0.3])
 def test_second_criterion_equal_to_its_limit_is_free(limit):
     params = {"free_value": 0.0, "lethal_value": 0.6, "lethal_layer": "step", "lethal_above": limit}
-    grid_map = terrain((1, 2), slope=0.0, step=[[limit, np.nextafter(np.float32(limit), np.inf)]])
+    above = np.nextafter(np.float32(limit), np.float32(1.0))
+    grid_map = terrain((1, 2), slope=0.0, step=[[limit, above]])
     found = run("Cost", grid_map, input_layer="slope", output_layer="out", **params)["out"]
     np.testing.assert_array_equal(found, [[0, 254]])
 
