@@ -157,6 +157,12 @@ def test_map_beyond_the_limit_is_thinned(shown, name):
     np.testing.assert_allclose(points[:, 2], points[:, :2] @ [0.1, 0.2], atol=0.015 * step)
 
 
+def test_bag_without_the_color_layer_is_a_warning(shown):
+    rows, error = shown("survey --color-layer nope")
+    assert not any("Mesh3D:vertex_positions" in row for row in rows["/grid_map/surface"])
+    assert error == "grid-map: warning: no map has the layer 'nope', so there is no surface\n"
+
+
 def test_bag_is_shown_up_to_a_size(shown):
     assert len(shown("survey")[0]["/grid_map/surface"]) == 4
     rows, error = shown("survey --most-shown 20")

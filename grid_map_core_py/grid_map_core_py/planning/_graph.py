@@ -152,7 +152,8 @@ class TravelGraph:
             known, costs = ~np.isnan(heights), np.nan_to_num(costs, nan=0.0, posinf=np.inf)
         most = math.inf if lethal is None else as_finite(lethal, "lethal")
         # In float32, a cost that was set to the limit is not below it.
-        passable = np.isfinite(heights) & (costs < np.float32(most))
+        with np.errstate(over="ignore"):
+            passable = np.isfinite(heights) & (costs < np.float32(most))
         heights[np.isinf(heights)] = np.nan
         # On flat ground, only the border around the map has no height.
         may_leave = unknown == "free" and elevation is None

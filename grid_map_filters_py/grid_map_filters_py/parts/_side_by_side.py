@@ -19,12 +19,12 @@ CELLS = 2**17
 """Number of cells per part; for smaller parts, waking a thread takes longer than the work."""
 
 _threads: ContextVar[int] = ContextVar("_threads", default=1)
-"""Number of threads of the running chain, including the calling thread."""
+"""Number of threads of the running chain."""
 
 
 @contextmanager
 def use_threads(count: int) -> Iterator[None]:
-    """Let `side_by_side` use `count` threads, including the calling thread."""
+    """Let `side_by_side` use `count` threads."""
     token = _threads.set(count)
     try:
         yield
@@ -50,7 +50,7 @@ def side_by_side(function: Callable[[T], object], parts: Iterable[T]) -> None:
         parts: arguments of the calls.
 
     Raises:
-        Exception: a call failed; no further calls are started.
+        Exception: a call failed; calls that have not started are canceled.
     """
     if thread_count() == 1:
         for part in parts:

@@ -16,6 +16,7 @@ from grid_map_core_py._arrays import as_array
 from grid_map_core_py._arrays._checks import select_layers
 from grid_map_core_py.conversions import rasterize
 from grid_map_core_py.conversions._point_layers import fitting_geometry
+from grid_map_core_py.errors import GridMapError
 from grid_map_core_py.files._shared import storage_errors
 from grid_map_core_py.limits import check_bytes, check_cells
 from grid_map_core_py.map._axis import BORDER_TOLERANCE
@@ -137,8 +138,7 @@ def load_octomap(
         try:
             return from_octomap(octomap, height_layer, resolution, **bounds)
         except MessageError as error:
-            error.field = f"{path}: {error.field}"
-            raise
+            raise GridMapError(f"{path}: {error}") from error
 
 
 def _read(path: Path, frame_id: str) -> Any:
